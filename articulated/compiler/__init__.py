@@ -1,0 +1,5 @@
+"""Running an algorithm that is written over scalars. Here it is interpreted: a float or a numpy array for each scalar."""
+
+from articulated.compiler.interpreter import evaluate
+
+__all__ = ["evaluate"]

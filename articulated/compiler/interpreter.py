@@ -1,0 +1,61 @@
+"""Algorithms over scalars, run on numpy arrays whose leading axes are a batch of states.
+
+One state runs on Python floats, which are several times faster than numpy's; a batch runs on one array for each scalar.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from articulated.scalar import Scalar
+
+Nested = Any
+"""A scalar, or a list (of lists) of scalars."""
+
+
+def evaluate(
+    algorithm: Callable[..., Nested],
+    arguments: Sequence[tuple[np.ndarray | None, int]],
+    result: np.ndarray,
+    batch: tuple[int, ...],
+) -> None:
+    """Run an algorithm on every state of a batch.
+
+    Args:
+        algorithm: takes one nested list of scalars for each argument, and returns one.
+        arguments: arrays with the number of their last axes that belong to one state; the others broadcast to `batch`. None is
+            passed on.
+        result: where the outcome goes, shape (*batch, *shape of one outcome).
+        batch: the leading axes.
+    """
+    values = result.reshape(*batch, -1)  # a view: callers give contiguous results
+    if not batch and result.dtype == np.float64:
+        try:
+            scalars = [None if array is None else array.tolist() for array, _ in arguments]
+            for k, x in enumerate(_flattened(algorithm(*scalars))):
+                values[k] = x
+            return
+        except (ZeroDivisionError, OverflowError):
+            pass  # numpy gives inf and nan, which is what the caller reports
+    columns = [None if array is None else _columns(array, core) for array, core in arguments]
+    with np.errstate(all="ignore"):
+        for k, x in enumerate(_flattened(algorithm(*columns))):
+            values[..., k] = x
+
+
+def _columns(array: np.ndarray, core: int) -> Nested:
+    """Nested lists over the last `core` axes, of contiguous arrays over the others."""
+    if core == 0:
+        return np.ascontiguousarray(array)
+    return [_columns(array[(..., k, *[slice(None)] * (core - 1))], core - 1) for k in range(array.shape[-core])]
+
+
+def _flattened(nested: Nested) -> Iterator[Scalar]:
+    if isinstance(nested, (list, tuple)):
+        for part in nested:
+            yield from _flattened(part)
+    else:
+        yield nested

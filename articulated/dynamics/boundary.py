@@ -1,0 +1,183 @@
+"""The boundary of the project: arrays from users are checked here, before any algorithm runs.
+
+What is wrong is said with its name, its shape, what was expected, the rig, and for a value the state and coordinate.
+"""
+
+from __future__ import annotations
+
+import operator
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from articulated.compiler import evaluate
+from articulated.rig import Link, Rig
+from articulated.rig.joint import KINDS
+
+GRAVITY = (0.0, 0.0, -9.81)
+"""Standard gravity [m/s²], z up."""
+
+_NORM_TOLERANCE = {np.dtype(np.float64): 1e-6, np.dtype(np.float32): 1e-4}
+
+
+@dataclass(frozen=True)
+class Argument:
+    """An array argument: its name for errors, its value, and the shape that belongs to one state.
+
+    Attributes:
+        role: "q" makes its quaternions be checked too; a "parameter" does not keep a float32 call from being one.
+    """
+
+    name: str
+    value: Any
+    shape: tuple[int, ...]
+    role: str = ""
+
+
+def call(
+    rig: Rig,
+    algorithm: Callable[..., Any],
+    arguments: Sequence[Argument],
+    shape: tuple[int, ...],
+    out: np.ndarray | None,
+    threads: int | None,
+) -> np.ndarray:
+    """Check the arguments, run the algorithm on every state, and return its results, shape (*batch, *shape).
+
+    Raises:
+        ValueError: an argument is not of numbers, has the wrong shape, is not finite, or does not broadcast with the others;
+            a quaternion is not of unit length; `out` does not fit; `threads` is not a positive number.
+    """
+    check_threads(threads)
+    arrays = [None if a.value is None else checked(rig, a) for a in arguments]
+    given = [(array, a) for array, a in zip(arrays, arguments, strict=True) if array is not None]
+    batch = _broadcast_batch(rig, given)
+    single = all(array.dtype == np.float32 for array, a in given if a.role != "parameter")
+    dtype = np.dtype(np.float32) if single else np.dtype(np.float64)
+    result = np.empty((*batch, *shape), dtype)
+    inputs = []
+    for array, a in zip(arrays, arguments, strict=True):
+        core = len(a.shape)
+        whole = None if array is None else np.broadcast_to(array.astype(dtype, copy=False), (*batch, *a.shape))
+        inputs.append((whole, core))
+    if result.size:
+        evaluate(algorithm, inputs, result, batch)
+        _warn_if_singular(rig, result, len(batch))
+    return result if out is None else _into(out, result)
+
+
+def checked(rig: Rig, argument: Argument) -> np.ndarray:
+    """The argument as an array of float32 or float64, shape (..., *argument.shape)."""
+    name, shape = argument.name, argument.shape
+    try:
+        array = np.asarray(argument.value)
+    except ValueError as error:
+        raise ValueError(f"{name} is not an array: {error}; expected {_expected(shape)} for rig {rig.name!r}") from None
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"{name} holds {array.dtype}; expected real numbers, shape {_expected(shape)}")
+    if array.dtype != np.float32:
+        array = array.astype(np.float64, copy=False)
+    if array.shape[array.ndim - len(shape) :] != shape or array.ndim < len(shape):
+        raise ValueError(f"{name} has shape {array.shape}; expected {_expected(shape)} for rig {rig.name!r}")
+    if not np.isfinite(array).all():
+        where = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
+        raise ValueError(
+            f"{name}{list(where)} is {array[where]} ({_coordinate(rig, argument, where)}); every entry must be finite"
+        )
+    if argument.role == "q":
+        _check_quaternions(rig, name, array)
+    return array
+
+
+def check_threads(threads: int | None) -> None:
+    """Refuse a number of threads that is not a positive integer (None: as many as there are cores)."""
+    if threads is None:
+        return
+    try:
+        count = operator.index(threads)
+    except TypeError:
+        raise ValueError(f"threads is {threads!r}; expected a positive integer or None") from None
+    if count < 1:
+        raise ValueError(f"threads is {threads!r}; expected a positive integer or None")
+
+
+def find_link(rig: Rig, link: str | int | Link) -> Link:
+    """The link with this name or index."""
+    links = list(rig.links.values())
+    if isinstance(link, Link):
+        if rig.links.get(link.name) is link:
+            return link
+        raise ValueError(f"link {link.name!r} is of another rig, not of {rig.name!r}")
+    if isinstance(link, str):
+        if link in rig.links:
+            return rig.links[link]
+        close = get_close_matches(link, rig.links, n=3)
+        hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
+        raise ValueError(f"rig {rig.name!r} has no link {link!r}{hint}")
+    index = operator.index(link)
+    if not -len(links) <= index < len(links):
+        raise ValueError(f"link index is {index}; expected less than {len(links)} for rig {rig.name!r}")
+    return links[index]
+
+
+def _broadcast_batch(rig: Rig, given: Sequence[tuple[np.ndarray, Argument]]) -> tuple[int, ...]:
+    batches = [array.shape[: array.ndim - len(a.shape)] for array, a in given]
+    try:
+        return np.broadcast_shapes(*batches)
+    except ValueError:
+        shapes = ", ".join(f"{a.name} {array.shape}" for array, a in given)
+        raise ValueError(f"leading axes do not broadcast for rig {rig.name!r}: {shapes}") from None
+
+
+def _check_quaternions(rig: Rig, name: str, q: np.ndarray) -> None:
+    for joint in rig.joints.values():
+        if joint.mimic or KINDS[joint.kind].nq == KINDS[joint.kind].nv:
+            continue
+        quat = q[..., joint.q_slice.stop - 4 : joint.q_slice.stop]
+        norm = np.sqrt((quat * quat).sum(axis=-1))
+        wrong = np.abs(norm - 1.0) > _NORM_TOLERANCE[q.dtype]
+        if np.any(wrong):
+            state = tuple(int(k) for k in np.argwhere(wrong)[0])
+            raise ValueError(
+                f"{name}: the quaternion of joint {joint.name!r} has norm {norm[state]:.6g}"
+                f"{f' in state {list(state)}' if state else ''}; expected 1, scalar last (xyzw); divide it by its norm"
+            )
+
+
+def _coordinate(rig: Rig, argument: Argument, where: tuple[int, ...]) -> str:
+    k = where[-1] if where else 0
+    if argument.role == "q":
+        return rig.q_names[k]
+    if argument.shape == (rig.nv,):
+        return rig.v_names[k]
+    return f"rig {rig.name!r}"
+
+
+def _expected(shape: tuple[int, ...]) -> str:
+    return f"(..., {', '.join(map(str, shape))})" if shape else "(...)"
+
+
+def _into(out: np.ndarray, result: np.ndarray) -> np.ndarray:
+    if not isinstance(out, np.ndarray) or out.shape != result.shape or out.dtype != result.dtype:
+        got = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise ValueError(f"out is {got}; expected an array of {result.dtype}, shape {result.shape}")
+    if not out.flags.writeable:
+        raise ValueError("out is read-only; expected an array that can be written to")
+    out[...] = result
+    return out
+
+
+def _warn_if_singular(rig: Rig, result: np.ndarray, batch_axes: int) -> None:
+    if np.isfinite(result).all():
+        return
+    state = [int(k) for k in np.argwhere(~np.isfinite(result))[0][:batch_axes]]
+    warnings.warn(
+        f"the result{f' for state {state}' if state else ''} of rig {rig.name!r} is not finite: the numbers overflow, or joint "
+        "axes coincide there and the mass matrix is singular; give the joints some armature",
+        RuntimeWarning,
+        stacklevel=4,
+    )

@@ -1,0 +1,393 @@
+"""The public functions of dynamics.
+
+All take arrays whose leading axes are a batch of states, shape (..., n), and broadcast these axes. They compute in float64,
+or in float32 if every array that they are given is float32. Every one of them also takes:
+
+    out: an array for the result, of its shape and type; it is returned.
+    threads: how many threads share a batch; None is as many as there are cores.
+
+And every one raises ValueError if an array does not fit the rig, is not finite or does not broadcast, or if a quaternion in q
+is not of unit length; and warns (RuntimeWarning) if a result is not finite.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from articulated.dynamics import configuration, energy, kinematics, passive
+from articulated.dynamics import forward_dynamics as aba
+from articulated.dynamics import inverse_dynamics as rnea
+from articulated.dynamics import jacobian as point_jacobian
+from articulated.dynamics import mass_matrix as crba
+from articulated.dynamics import momentum as total_momentum
+from articulated.dynamics.boundary import GRAVITY, Argument, call, find_link
+from articulated.dynamics.mechanism import mechanism
+from articulated.rig import Link, Rig
+
+
+def forward_dynamics(
+    rig: Rig,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    external: ArrayLike | None = None,
+    gravity: ArrayLike = GRAVITY,
+    *,
+    joint_forces: bool = False,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """Joint accelerations by the articulated-body algorithm. RBDA table 7.1, p. 132.
+
+    Args:
+        rig: the rig.
+        q: configurations, shape (..., nq) [rad, m or unit quaternion xyzw].
+        v: generalized velocities, shape (..., nv) [rad/s, m/s].
+        tau: generalized forces, shape (..., nv) [N m, N].
+        external: wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6) [N, N m].
+        gravity: acceleration of free fall, in the world, shape (..., 3) [m/s²].
+        joint_forces: whether the joints' own damping and dry friction act too; see `passive_forces`.
+
+    Returns:
+        Generalized accelerations, shape (..., nv) [rad/s², m/s²].
+    """
+    m = mechanism(rig)
+
+    def algorithm(q, v, tau, external, gravity):
+        if joint_forces:
+            tau = [a + b for a, b in zip(tau, passive.passive_forces(m, v), strict=True)]
+        return aba.forward_dynamics(m, q, v, tau, gravity, external)
+
+    arguments = [_q(rig, q), _v(rig, v), _v(rig, tau, "tau"), _external(rig, external), _gravity(gravity)]
+    return call(rig, algorithm, arguments, (rig.nv,), out, threads)
+
+
+def inverse_dynamics(
+    rig: Rig,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    external: ArrayLike | None = None,
+    gravity: ArrayLike = GRAVITY,
+    *,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """The generalized forces that give an acceleration, by the recursive Newton-Euler algorithm. RBDA table 5.1, p. 96.
+
+    Args:
+        rig, q, v, external, gravity: as in `forward_dynamics`.
+        a: generalized accelerations, shape (..., nv) [rad/s², m/s²].
+
+    Returns:
+        Generalized forces, shape (..., nv) [N m, N]. Damping and dry friction are not among them.
+    """
+    m = mechanism(rig)
+
+    def algorithm(q, v, a, external, gravity):
+        return rnea.inverse_dynamics(m, q, v, a, gravity, external)
+
+    arguments = [_q(rig, q), _v(rig, v), _v(rig, a, "a"), _external(rig, external), _gravity(gravity)]
+    return call(rig, algorithm, arguments, (rig.nv,), out, threads)
+
+
+def bias_forces(
+    rig: Rig,
+    q: ArrayLike,
+    v: ArrayLike,
+    external: ArrayLike | None = None,
+    gravity: ArrayLike = GRAVITY,
+    *,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """C in M a + C = τ: weight, Coriolis and centrifugal forces, less external ones. RBDA 3.3 and table 5.1 with a = 0.
+
+    Args:
+        rig, q, v, external, gravity: as in `forward_dynamics`.
+
+    Returns:
+        Generalized forces, shape (..., nv) [N m, N].
+    """
+    m = mechanism(rig)
+
+    def algorithm(q, v, external, gravity):
+        return rnea.inverse_dynamics(m, q, v, None, gravity, external)
+
+    arguments = [_q(rig, q), _v(rig, v), _external(rig, external), _gravity(gravity)]
+    return call(rig, algorithm, arguments, (rig.nv,), out, threads)
+
+
+def gravity_forces(
+    rig: Rig,
+    q: ArrayLike,
+    gravity: ArrayLike = GRAVITY,
+    *,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """The generalized forces that hold a rig still against its weight: the gradient of `potential_energy`.
+
+    Args:
+        rig, q, gravity: as in `forward_dynamics`.
+
+    Returns:
+        Generalized forces, shape (..., nv) [N m, N].
+    """
+    m = mechanism(rig)
+
+    def algorithm(q, gravity):
+        return rnea.inverse_dynamics(m, q, None, None, gravity)
+
+    return call(rig, algorithm, [_q(rig, q), _gravity(gravity)], (rig.nv,), out, threads)
+
+
+def mass_matrix(
+    rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """The mass matrix, armature included, by the composite-rigid-body algorithm. RBDA table 6.2, p. 108.
+
+    Args:
+        rig, q: as in `forward_dynamics`.
+
+    Returns:
+        Symmetric matrices, shape (..., nv, nv) [kg m², kg m, kg].
+    """
+    return call(rig, partial(crba.mass_matrix, mechanism(rig)), [_q(rig, q)], (rig.nv, rig.nv), out, threads)
+
+
+def link_poses(
+    rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """Where the links are: homogeneous matrices X_WL, link to world.
+
+    Args:
+        rig, q: as in `forward_dynamics`.
+
+    Returns:
+        Matrices, shape (..., nlinks, 4, 4) [translations in m]; `rig.links[name].index` is a link's place in them.
+    """
+    shape = (rig.nlinks, 4, 4)
+    return call(rig, partial(kinematics.link_poses, mechanism(rig)), [_q(rig, q)], shape, out, threads)
+
+
+def link_velocities(
+    rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """How the links move: twists (linear, angular) in the world, the linear part at the link origin.
+
+    Args:
+        rig, q, v: as in `forward_dynamics`.
+
+    Returns:
+        Twists, shape (..., nlinks, 6) [m/s, rad/s].
+    """
+    algorithm = partial(kinematics.link_velocities, mechanism(rig))
+    return call(rig, algorithm, [_q(rig, q), _v(rig, v)], (rig.nlinks, 6), out, threads)
+
+
+def jacobian(
+    rig: Rig,
+    q: ArrayLike,
+    link: str | int | Link,
+    point: ArrayLike | None = None,
+    *,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """J, with J v the twist (linear, angular) in the world of a point of a link.
+
+    Args:
+        rig, q: as in `forward_dynamics`.
+        link: the link, its name or its index.
+        point: in the link's frame, shape (..., 3) [m]; None is its origin.
+
+    Returns:
+        Jacobians, shape (..., 6, nv) [m or 1, per coordinate].
+    """
+    m, index = mechanism(rig), find_link(rig, link).index
+
+    def algorithm(q, point):
+        return point_jacobian.jacobian(m, q, index, point if point is not None else (0.0, 0.0, 0.0))
+
+    arguments = [_q(rig, q), Argument("point", point, (3,))]
+    return call(rig, algorithm, arguments, (6, rig.nv), out, threads)
+
+
+def center_of_mass(
+    rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """The centre of mass of all that moves, in the world.
+
+    Args:
+        rig, q: as in `forward_dynamics`.
+
+    Returns:
+        Points, shape (..., 3) [m].
+
+    Raises:
+        ValueError: nothing moves; and as all functions here.
+    """
+    _needs_mass(rig)
+    return call(rig, partial(total_momentum.center_of_mass, mechanism(rig)), [_q(rig, q)], (3,), out, threads)
+
+
+def momentum(
+    rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """Linear momentum, then angular momentum about the centre of mass, of all that moves, in the world.
+
+    Args:
+        rig, q, v: as in `forward_dynamics`.
+
+    Returns:
+        Momenta, shape (..., 6) [N s, N m s].
+
+    Raises:
+        ValueError: nothing moves; and as all functions here.
+    """
+    _needs_mass(rig)
+    algorithm = partial(total_momentum.momentum, mechanism(rig))
+    return call(rig, algorithm, [_q(rig, q), _v(rig, v)], (6,), out, threads)
+
+
+def kinetic_energy(
+    rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """½ vᵀ M v, armature included.
+
+    Args:
+        rig, q, v: as in `forward_dynamics`.
+
+    Returns:
+        Energies, shape (...) [J].
+    """
+    algorithm = partial(energy.kinetic_energy, mechanism(rig))
+    return call(rig, algorithm, [_q(rig, q), _v(rig, v)], (), out, threads)
+
+
+def potential_energy(
+    rig: Rig,
+    q: ArrayLike,
+    gravity: ArrayLike = GRAVITY,
+    *,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """The energy of weight, zero where all that moves is at the world's origin.
+
+    Args:
+        rig, q, gravity: as in `forward_dynamics`.
+
+    Returns:
+        Energies, shape (...) [J].
+    """
+    algorithm = partial(energy.potential_energy, mechanism(rig))
+    return call(rig, algorithm, [_q(rig, q), _gravity(gravity)], (), out, threads)
+
+
+def integrate(
+    rig: Rig, q: ArrayLike, dv: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """q ⊕ dv: where a rig is after unit time at a constant generalized velocity, by the exponential map of each joint.
+
+    Args:
+        rig, q: as in `forward_dynamics`.
+        dv: generalized velocity times time, shape (..., nv) [rad, m].
+
+    Returns:
+        Configurations, shape (..., nq).
+    """
+    algorithm = partial(configuration.integrate, mechanism(rig))
+    return call(rig, algorithm, [_q(rig, q), _v(rig, dv, "dv")], (rig.nq,), out, threads)
+
+
+def difference(
+    rig: Rig, q0: ArrayLike, q1: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """The smallest dv with q0 ⊕ dv = q1, by the logarithm of each joint; the inverse of `integrate`.
+
+    Angles are unwrapped and differ by what they differ, which may be more than a turn; orientations differ by π at most.
+
+    Args:
+        rig: the rig.
+        q0, q1: configurations, shape (..., nq) [rad, m or unit quaternion xyzw].
+
+    Returns:
+        Differences, shape (..., nv) [rad, m].
+    """
+    algorithm = partial(configuration.difference, mechanism(rig))
+    return call(rig, algorithm, [_q(rig, q0, "q0"), _q(rig, q1, "q1")], (rig.nv,), out, threads)
+
+
+def passive_forces(
+    rig: Rig, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
+) -> np.ndarray:
+    """The forces that the joints' own damping and dry friction exert: −damping v − friction v / √(v² + ε²).
+
+    Dry friction is smoothed about ε = 0.01 rad/s or m/s.
+
+    Args:
+        rig, v: as in `forward_dynamics`.
+
+    Returns:
+        Generalized forces, shape (..., nv) [N m, N].
+    """
+    return call(rig, partial(passive.passive_forces, mechanism(rig)), [_v(rig, v)], (rig.nv,), out, threads)
+
+
+def point_wrench(
+    rig: Rig,
+    q: ArrayLike,
+    link: str | int | Link,
+    force: ArrayLike,
+    point: ArrayLike | None = None,
+    couple: ArrayLike = (0.0, 0.0, 0.0),
+    *,
+    out: np.ndarray | None = None,
+    threads: int | None = None,
+) -> np.ndarray:
+    """A force at any point of any link, as the `external` of other functions; add several to have them act together.
+
+    Args:
+        rig, q: as in `forward_dynamics`.
+        link: the link, its name or its index.
+        force: in the world, shape (..., 3) [N].
+        point: where it acts, in the link's frame, shape (..., 3) [m]; None is its origin.
+        couple: beside it, in the world, shape (..., 3) [N m].
+
+    Returns:
+        Wrenches (force, couple) in the world at the link origins, shape (..., nlinks, 6), zero but for this link's.
+    """
+    m, index = mechanism(rig), find_link(rig, link).index
+
+    def algorithm(q, force, point, couple):
+        return kinematics.point_wrench(m, q, index, force, point, couple)
+
+    vectors = [Argument("force", force, (3,)), Argument("point", point, (3,)), Argument("couple", couple, (3,))]
+    return call(rig, algorithm, [_q(rig, q), *vectors], (rig.nlinks, 6), out, threads)
+
+
+def _q(rig: Rig, value: ArrayLike, name: str = "q") -> Argument:
+    return Argument(name, value, (rig.nq,), role="q")
+
+
+def _v(rig: Rig, value: ArrayLike, name: str = "v") -> Argument:
+    return Argument(name, value, (rig.nv,))
+
+
+def _external(rig: Rig, value: ArrayLike | None) -> Argument:
+    return Argument("external", value, (rig.nlinks, 6))
+
+
+def _gravity(value: ArrayLike | Sequence[float]) -> Argument:
+    return Argument("gravity", value, (3,), role="parameter")
+
+
+def _needs_mass(rig: Rig) -> None:
+    if not rig.mass > 0.0:
+        raise ValueError(f"nothing of rig {rig.name!r} moves, so it has no centre of mass; load it with root='free'")

@@ -1,0 +1,29 @@
+"""The frozen description of a rig, and where it comes from."""
+
+from articulated.rig.builder import RigBuilder
+from articulated.rig.errors import RigError, RigWarning
+from articulated.rig.joint import KINDS, Joint, Limits, Mimic
+from articulated.rig.load import load, shipped_rigs
+from articulated.rig.rig import Body, Link, Rig
+from articulated.rig.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+
+__all__ = [
+    "KINDS",
+    "Body",
+    "Box",
+    "Capsule",
+    "Cylinder",
+    "Joint",
+    "Limits",
+    "Link",
+    "Mesh",
+    "Mimic",
+    "Rig",
+    "RigBuilder",
+    "RigError",
+    "RigWarning",
+    "Shape",
+    "Sphere",
+    "load",
+    "shipped_rigs",
+]

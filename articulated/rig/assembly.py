@@ -1,0 +1,365 @@
+"""From single links and joints to a rig: the tree, its coordinates, and the bodies that fixed joints make.
+
+Links joined by fixed joints become one body (parallel-axis theorem, RBDA 2.66); the frame of a body is the frame of the
+link that its joint moves, turned once so that the joint's axis is its z axis.
+"""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from articulated.rig.description import (
+    INERTIA_TOLERANCE,
+    JointDescription,
+    LinkDescription,
+    repaired,
+    violation,
+)
+from articulated.rig.errors import Place
+from articulated.rig.frames import inverse, rotation_with_z_along, snapped
+from articulated.rig.joint import KINDS, Joint, Limits, Mimic
+from articulated.rig.mobility import check_mobility
+from articulated.rig.rig import Body, FixedJoint, Link, Rig
+
+ROOT_JOINT = "root_joint"
+"""The joint that lets the root link of a free or planar rig move."""
+
+_ROOT_KINDS = {"free": "floating", "planar": "planar"}
+
+
+def assemble(
+    name: str,
+    place: Place,
+    links: Sequence[LinkDescription],
+    joints: Sequence[JointDescription],
+    root: str,
+    repair_inertia: bool,
+    source: str,
+    ignored: Mapping[str, int],
+) -> Rig:
+    """The rig of these links and joints; see `RigBuilder.build`."""
+    _check_names(place, links, joints)
+    joint_to = _check_tree(place, links, joints)
+    joints = _resolve_mimics(joints)
+    root_link = next(link for link in links if link.name not in joint_to)
+    if root != "fixed":
+        joints = [*joints, _root_joint(root, root_link.name, place)]
+    if repair_inertia:
+        links = [_repair(link) for link in links]
+
+    members = _walk(root_link, links, joints)
+    bodies = _bodies(members, place)
+    check_mobility(members, bodies)
+    rig_joints = _joints(members)
+    return Rig(
+        name=name,
+        root=root,
+        joints=MappingProxyType(rig_joints),
+        links=MappingProxyType({m.link.name: _link(m, index) for index, m in enumerate(members)}),
+        fixed_joints=MappingProxyType(
+            {m.joint.name: _fixed_joint(m.joint) for m in members if m.joint and m.joint.kind == "fixed"}
+        ),
+        bodies=tuple(bodies),
+        source=source,
+        ignored=MappingProxyType(dict(ignored)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Member:
+    """A link in its place in the tree.
+
+    Attributes:
+        link: the link.
+        joint: the joint by which it hangs; None for a root fixed to the world.
+        body: index of the body it is part of, -1 for the world.
+        parent_body: of the body that its joint hangs from.
+        pose: the link's frame in its body's.
+        pose_at_neutral: for the first link of a body: the body's frame in its parent body's when q is neutral.
+        axis: likewise, the joint's first axis in the body's frame.
+    """
+
+    link: LinkDescription
+    joint: JointDescription | None
+    body: int
+    parent_body: int
+    pose: np.ndarray
+    pose_at_neutral: np.ndarray
+    axis: np.ndarray
+
+    @property
+    def moves(self) -> bool:
+        return self.joint is not None and self.joint.kind != "fixed"
+
+
+def _check_names(place: Place, links: Sequence[LinkDescription], joints: Sequence[JointDescription]) -> None:
+    if not links:
+        raise place.error("has no links", "a rig needs one at least")
+    for what, named in (("link", links), ("joint", joints)):
+        for name, count in Counter(one.name for one in named).items():
+            if count > 1:
+                second = [one for one in named if one.name == name][1]
+                raise second.place.error(f"{count} {what}s have this name", "rename all but one")
+    known = {link.name for link in links}
+    for joint in joints:
+        for role, link in (("parent", joint.parent), ("child", joint.child)):
+            if link not in known:
+                raise joint.place.error(f"its {role} link {link!r} does not exist", "add the link or correct the name")
+
+
+def _check_tree(
+    place: Place, links: Sequence[LinkDescription], joints: Sequence[JointDescription]
+) -> dict[str, JointDescription]:
+    """The joint to each link but the root's, where links and joints do form one tree."""
+    joint_to: dict[str, JointDescription] = {}
+    for joint in joints:
+        if (other := joint_to.setdefault(joint.child, joint)) is not joint:
+            raise joint.place.error(
+                f"link {joint.child!r} already hangs by joint {other.name!r}",
+                "a link has one parent; close loops with art.Loop instead",
+            )
+    roots = [link for link in links if link.name not in joint_to]
+    if not roots:
+        raise place.error("has no root link: its joints form a loop", "some link must hang by no joint")
+    if len(roots) > 1:
+        names = ", ".join(repr(link.name) for link in roots)
+        raise roots[1].place.error(f"the rig has {len(roots)} root links: {names}", "join them, or load them apart")
+    parent_of = {joint.child: joint.parent for joint in joints}
+    reached = {roots[0].name}
+    for link in links:
+        path = []
+        at = link.name
+        while at not in reached:
+            if at in path:
+                loop = path[path.index(at) :]
+                raise joint_to[at].place.error(
+                    f"closes a loop of links: {' -> '.join([*reversed(loop), loop[-1]])}",
+                    "a rig is a tree; close loops with art.Loop instead",
+                )
+            path.append(at)
+            at = parent_of[at]
+        reached.update(path)
+    return joint_to
+
+
+def _resolve_mimics(joints: Sequence[JointDescription]) -> list[JointDescription]:
+    """The same joints, each follower of a follower made to follow the first leader."""
+    by_name = {joint.name: joint for joint in joints}
+
+    def resolved(joint: JointDescription) -> JointDescription:
+        mimic, seen = joint.mimic, [joint.name]
+        if mimic is None:
+            return joint
+        if joint.kind == "fixed":
+            joint.place.warn("is fixed and cannot follow another joint", "its mimic is ignored")
+            return replace(joint, mimic=None)
+        multiplier, offset, leader_name = mimic.multiplier, mimic.offset, mimic.joint
+        while True:
+            leader = by_name.get(leader_name)
+            if leader is None:
+                raise joint.place.error(f"follows joint {leader_name!r}, which does not exist", "correct the mimic")
+            if leader_name in seen:
+                raise joint.place.error(f"follows itself: {' -> '.join([*seen, leader_name])}", "break the circle")
+            if leader.kind == "fixed" or KINDS[leader.kind].nv != 1:
+                raise joint.place.error(
+                    f"follows joint {leader_name!r}, which is {leader.kind}", "follow a joint of one coordinate"
+                )
+            if leader.mimic is None:
+                return replace(joint, mimic=Mimic(leader_name, multiplier, offset))
+            seen.append(leader_name)
+            offset += multiplier * leader.mimic.offset
+            multiplier *= leader.mimic.multiplier
+            leader_name = leader.mimic.joint
+
+    return [resolved(joint) for joint in joints]
+
+
+def _root_joint(root: str, link: str, place: Place) -> JointDescription:
+    return JointDescription(
+        name=ROOT_JOINT,
+        kind=_ROOT_KINDS[root],
+        parent="",
+        child=link,
+        pose=np.eye(4),
+        axis=np.array([0.0, 0.0, 1.0]),
+        axis2=None,
+        limits=Limits(),
+        damping=0.0,
+        friction=0.0,
+        armature=0.0,
+        mimic=None,
+        place=replace(place, element=f"joint {ROOT_JOINT!r}"),
+    )
+
+
+def _repair(link: LinkDescription) -> LinkDescription:
+    return replace(link, inertia=repaired(link.inertia)) if violation(link.inertia, link.mass) > 0.0 else link
+
+
+def _walk(root: LinkDescription, links: Sequence[LinkDescription], joints: Sequence[JointDescription]) -> list[Member]:
+    """Links in tree order, depth first, siblings as in the source; a body is numbered when its first link is met."""
+    by_name = {link.name: link for link in links}
+    children: dict[str, list[JointDescription]] = {}
+    for joint in joints:
+        children.setdefault(joint.parent, []).append(joint)
+
+    members: list[Member] = []
+    nbodies = 0
+    to_visit: deque[tuple[LinkDescription, JointDescription | None, Member | None]] = deque()
+    first_joint = next(iter(children.get("", [])), None)
+    to_visit.append((root, first_joint, None))
+    while to_visit:
+        link, joint, parent = to_visit.pop()
+        member = _member(link, joint, parent, nbodies)
+        nbodies += member.moves
+        members.append(member)
+        to_visit.extend((by_name[hangs.child], hangs, member) for hangs in reversed(children.get(link.name, [])))
+    return members
+
+
+def _member(link: LinkDescription, joint: JointDescription | None, parent: Member | None, nbodies: int) -> Member:
+    parent_body = parent.body if parent else -1
+    parent_pose = parent.pose if parent else np.eye(4)
+    z = np.array([0.0, 0.0, 1.0])
+    joint_pose = parent_pose @ joint.pose if joint else parent_pose
+    if joint is None or joint.kind == "fixed":
+        return Member(link, joint, parent_body, parent_body, snapped(joint_pose), np.eye(4), z)
+    to_body = np.eye(4)
+    axis = z
+    if joint.kind == "universal":
+        assert joint.axis2 is not None
+        to_body[:3, :3] = rotation_with_z_along(joint.axis2)
+        axis = snapped(to_body[:3, :3].T @ (joint.axis / np.linalg.norm(joint.axis)))
+    elif joint.kind not in ("ball", "floating"):
+        to_body[:3, :3] = rotation_with_z_along(joint.axis)
+    return Member(link, joint, nbodies, parent_body, inverse(to_body), snapped(joint_pose @ to_body), axis)
+
+
+class _Sum(NamedTuple):
+    """Mass, first moment and rotational inertia about the origin, of links together."""
+
+    mass: float
+    h: np.ndarray
+    J: np.ndarray
+
+
+def _about_origin(member: Member) -> _Sum:
+    R, p = member.pose[:3, :3], member.pose[:3, 3]
+    mass, c = member.link.mass, R @ member.link.center + p
+    J = R @ member.link.inertia @ R.T + mass * (c @ c * np.eye(3) - np.outer(c, c))
+    return _Sum(mass, mass * c, J)
+
+
+def _bodies(members: Sequence[Member], place: Place) -> list[Body]:
+    parts: dict[int, list[Member]] = {}
+    for member in members:
+        parts.setdefault(member.body, []).append(member)
+    bodies = []
+    for index in sorted(parts):
+        group = parts[index]
+        sums = [_about_origin(member) for member in group]
+        mass = float(sum(s.mass for s in sums))
+        center = sum(s.h for s in sums) / mass if mass > 0.0 else np.zeros(3)
+        if len(group) == 1 or mass == 0.0:
+            R = group[0].pose[:3, :3]
+            inertia = sum((m.pose[:3, :3] @ m.link.inertia @ m.pose[:3, :3].T for m in group), np.zeros((3, 3)))
+        else:
+            inertia = sum(s.J for s in sums) - mass * (center @ center * np.eye(3) - np.outer(center, center))
+        _check_inertia(group, inertia, moves=index >= 0)
+        if index < 0:
+            continue
+        first = group[0]
+        assert first.joint is not None
+        bodies.append(
+            Body(
+                name=first.link.name,
+                parent=first.parent_body,
+                joint=first.joint.name,
+                pose=_frozen(first.pose_at_neutral),
+                axis=_frozen(first.axis),
+                mass=mass,
+                center=_frozen(snapped(center)),
+                inertia=_frozen(0.5 * (inertia + inertia.T)),
+            )
+        )
+    return bodies
+
+
+def _check_inertia(group: Sequence[Member], inertia: np.ndarray, moves: bool) -> None:
+    """Refuse a body that no mass could make; only warn of a link whose fault the rest of its body makes good."""
+    mass = sum(member.link.mass for member in group)
+    faults = [violation(member.link.inertia, member.link.mass) for member in group]
+    by = max(faults)
+    worst = group[faults.index(by)]
+    reason = f"inertia violates the triangle inequality by {100.0 * by:.3g} %"
+    if np.linalg.eigvalsh(worst.link.inertia)[0] < -1e-9 * np.abs(worst.link.inertia).max():
+        reason = "inertia has a negative principal moment"
+    if moves and violation(inertia, mass) > INERTIA_TOLERANCE:
+        if by <= INERTIA_TOLERANCE:
+            reason = "the body that it forms with the links fixed to it has an impossible inertia"
+        raise worst.link.place.error(reason, "correct it, or load with repair_inertia=True")
+    if by > INERTIA_TOLERANCE:
+        what = "the body that it is fixed to makes up for it" if moves else "it does not move, so nothing depends on it"
+        worst.link.place.warn(reason, what)
+
+
+def _joints(members: Sequence[Member]) -> dict[str, Joint]:
+    joints: dict[str, Joint] = {}
+    nq = nv = 0
+    for member in members:
+        d = member.joint
+        if d is None or d.kind == "fixed":
+            continue
+        kind = KINDS[d.kind]
+        own_q, own_v = (0, 0) if d.mimic else (kind.nq, kind.nv)
+        joints[d.name] = Joint(
+            name=d.name,
+            kind=d.kind,
+            parent=d.parent,
+            child=d.child,
+            body=member.body,
+            pose=_frozen(d.pose),
+            axis=_frozen(d.axis / np.linalg.norm(d.axis)),
+            axis2=None if d.axis2 is None else _frozen(d.axis2 / np.linalg.norm(d.axis2)),
+            q_slice=slice(nq, nq + own_q),
+            v_slice=slice(nv, nv + own_v),
+            limits=d.limits,
+            damping=d.damping,
+            friction=d.friction,
+            armature=d.armature,
+            mimic=d.mimic,
+        )
+        nq, nv = nq + own_q, nv + own_v
+    return joints
+
+
+def _link(member: Member, index: int) -> Link:
+    link = member.link
+    return Link(
+        name=link.name,
+        index=index,
+        body=member.body,
+        pose=_frozen(member.pose),
+        joint=member.joint.name if member.joint else "",
+        mass=link.mass,
+        center=_frozen(link.center),
+        inertia=_frozen(link.inertia),
+        collisions=link.collisions,
+        visuals=link.visuals,
+    )
+
+
+def _fixed_joint(d: JointDescription) -> FixedJoint:
+    return FixedJoint(d.name, d.parent, d.child, _frozen(d.pose))
+
+
+def _frozen(values: np.ndarray) -> np.ndarray:
+    result = np.array(values, dtype=float)
+    result.flags.writeable = False
+    return result

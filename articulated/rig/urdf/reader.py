@@ -1,0 +1,231 @@
+"""URDF, versions 1.0 to 1.2, read strictly: every error names file, line and element.
+
+Beyond the standard: joint types `ball` (also called `spherical`) and `universal` (`<axis>` and a second `<axis2>`), and an
+`armature` beside damping and friction in `<dynamics>`. Read with lxml: yourdfpy keeps neither lines nor these additions.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+import numpy as np
+from lxml import etree
+
+from articulated.rig.builder import RigBuilder
+from articulated.rig.errors import Place, RigError
+from articulated.rig.frames import pose_of
+from articulated.rig.joint import ALIASES, Limits, Mimic
+from articulated.rig.shapes import PLAIN_SHAPES, Box, Capsule, Cylinder, Geometry, Mesh, Shape, Sphere
+from articulated.rig.urdf import files
+from articulated.rig.urdf.xml import Node, parse
+
+Color = tuple[float, float, float, float]
+
+_MEANINGFUL = {
+    "robot": {"link", "joint", "material"},
+    "link": {"inertial", "collision", "visual"},
+    "joint": {"origin", "parent", "child", "axis", "axis2", "limit", "dynamics", "mimic"},
+}
+_OF_OTHERS = {
+    "robot": {"gazebo", "transmission", "sensor", "ros2_control", "group_state", "verbose"},
+    "link": {"contact", "gazebo", "sensor", "self_collision_checking", "collision_checking", "verbose"},
+    "joint": {"safety_controller", "calibration", "hardwareInterface", "gazebo", "transmission"},
+}
+"""Elements that other tools put there and that say nothing to a simulation of ours: counted, but not warned of."""
+
+
+def read_urdf(text: bytes, source: str, directory: Path | None, mesh_dirs: Sequence[Path]) -> RigBuilder:
+    """A builder with the links and joints of a URDF document.
+
+    Args:
+        text: the document.
+        source: what errors call it.
+        directory: where relative file names start, if anywhere.
+        mesh_dirs: where else mesh files and packages are.
+
+    Raises:
+        RigError: the document is malformed.
+    """
+    root = parse(text, source)
+    if root.tag != "robot":
+        raise RigError(source, root.sourceline, f"<{root.tag}>", "is not a URDF", "its root element must be <robot>")
+    return _Reader(Node(root, Place(source, "", root.sourceline)), source, directory, mesh_dirs).read()
+
+
+class _Reader:
+    def __init__(self, robot: Node, source: str, directory: Path | None, mesh_dirs: Sequence[Path]):
+        self.robot = robot
+        self.source = source
+        self.directory = directory
+        self.mesh_dirs = mesh_dirs
+        self.missing: dict[str, Place] = {}
+        self.colors: dict[str, Color] = {}
+        self.builder = RigBuilder(robot.text("name") or Path(source).stem, source)
+
+    def read(self) -> RigBuilder:
+        self._check_expanded()
+        self._check_version()
+        self._note_strangers([self.robot])
+        for material in self.robot.children("material"):
+            color = material.child("color")
+            if color and material.text("name"):
+                self.colors[material.need_text("name")] = self._rgba(color)
+        links, joints = self._named("link"), self._named("joint")
+        self._note_strangers(links)
+        self._note_strangers(joints)
+        for link in links:
+            self._link(link)
+        for joint in joints:
+            self._joint(joint)
+        if self.missing:
+            names = ", ".join(self.missing)
+            place = next(iter(self.missing.values()))
+            place.warn(f"mesh files not found: {names}", "name their directories in mesh_dirs; dynamics do not need them")
+        return self.builder
+
+    def _check_expanded(self) -> None:
+        for element in self.robot.element.iter(etree.Element):
+            name = etree.QName(element)
+            if "xacro" in (name.namespace or ""):
+                tag = f"<xacro:{name.localname}>"
+                raise self.robot.inner(element, tag).place.error("is a macro, not URDF", "expand the file with xacro first")
+
+    def _check_version(self) -> None:
+        version = self.robot.text("version") or "1.0"
+        if version not in ("1.0", "1.1", "1.2", "1"):
+            self.robot.place.warn(f"is URDF version {version}; versions 1.0 to 1.2 are known", "what is new in it is lost")
+
+    def _named(self, tag: str) -> list[Node]:
+        nodes = []
+        for element in self.robot.element.iterchildren(tag):
+            node = self.robot.inner(element, f"<{tag}>")
+            name = node.need_text("name")
+            nodes.append(self.robot.inner(element, f"{tag} {name!r}"))
+        return nodes
+
+    def _note_strangers(self, nodes: Iterable[Node]) -> None:
+        """Count the elements of other tools; warn, once a tag, of those that nobody is known to write."""
+        strange: dict[str, Place] = {}
+        counted: Counter[str] = Counter()
+        for node in nodes:
+            meaningful, others = _MEANINGFUL[node.tag], _OF_OTHERS[node.tag]
+            for element in node.element.iterchildren(etree.Element):
+                if element.tag in meaningful:
+                    continue
+                counted[str(element.tag)] += 1
+                if element.tag not in others:
+                    strange.setdefault(str(element.tag), node.inner(element).place)
+        for tag, count in counted.items():
+            self.builder.ignored[tag] = self.builder.ignored.get(tag, 0) + count
+        for tag, place in strange.items():
+            place.warn(f"unknown element, ignored ({counted[tag]} in all)", "is its name spelt right?")
+
+    def _link(self, node: Node) -> None:
+        mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
+        if inertial := node.child("inertial"):
+            mass = inertial.need("mass").number("value")
+            pose = self._pose(inertial)
+            moments = inertial.need("inertia")
+            xx, xy, xz, yy, yz, zz = (moments.number(key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+            R = pose[:3, :3]
+            center = pose[:3, 3]
+            inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+            inertia = 0.5 * (inertia + inertia.T)
+        self.builder.link(
+            node.need_text("name"),
+            mass,
+            center,
+            inertia,
+            [self._shape(shape) for shape in node.children("collision")],
+            [self._shape(shape) for shape in node.children("visual")],
+            place=node.place,
+        )
+
+    def _shape(self, node: Node) -> Shape:
+        material = node.child("material")
+        color = None
+        if material:
+            own = material.child("color")
+            color = self._rgba(own) if own else self.colors.get(material.text("name") or "")
+        return Shape(self._geometry(node.need("geometry")), self._pose(node), node.text("name") or "", color)
+
+    def _geometry(self, node: Node) -> Geometry:
+        found = list(node.element.iterchildren(etree.Element))
+        known = [*PLAIN_SHAPES, "mesh"]
+        if len(found) != 1 or found[0].tag not in known:
+            names = ", ".join(str(element.tag) for element in found) or "nothing"
+            raise node.place.error(f"holds {names}", f"give one of {', '.join(known)}")
+        shape = node.inner(found[0])
+        if shape.tag == "box":
+            x, y, z = shape.numbers("size", 3)
+            return Box((x, y, z))
+        if shape.tag == "sphere":
+            return Sphere(shape.number("radius"))
+        if shape.tag == "mesh":
+            return self._mesh(shape)
+        make = Capsule if shape.tag == "capsule" else Cylinder
+        return make(shape.number("radius"), shape.number("length"))
+
+    def _mesh(self, node: Node) -> Mesh:
+        filename = node.need_text("filename")
+        words = (node.text("scale") or "1 1 1").split()
+        x, y, z = node.numbers("scale", len(words) if len(words) == 1 else 3, (1.0, 1.0, 1.0)) * (3 if len(words) == 1 else 1)
+        path = files.find(filename, self.directory, self.mesh_dirs, node.place)
+        if path is None:
+            self.missing.setdefault(filename, node.place)
+        return Mesh(filename, (x, y, z), path)
+
+    def _joint(self, node: Node) -> None:
+        kind = node.need_text("type")
+        kind = ALIASES.get(kind, kind)
+        axis, axis2, dynamics, mimic = (node.child(tag) for tag in ("axis", "axis2", "dynamics", "mimic"))
+        self.builder.joint(
+            node.need_text("name"),
+            kind,
+            node.need("parent").need_text("link"),
+            node.need("child").need_text("link"),
+            pose=self._pose(node),
+            axis=axis.numbers("xyz", 3) if axis else (1.0, 0.0, 0.0),
+            axis2=axis2.numbers("xyz", 3) if axis2 else None,
+            limits=self._limits(node, kind),
+            damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
+            friction=dynamics.number("friction", 0.0) if dynamics else 0.0,
+            armature=dynamics.number("armature", 0.0) if dynamics else 0.0,
+            mimic=Mimic(mimic.need_text("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0))
+            if mimic
+            else None,
+            place=node.place,
+        )
+
+    def _limits(self, node: Node, kind: str) -> Limits:
+        limit = node.child("limit")
+        if limit is None:
+            if kind in ("revolute", "prismatic"):
+                node.place.warn("has no <limit>", "it may move without end; say so with type continuous, or add limits")
+            return Limits()
+        lower, upper = limit.number("lower", -math.inf), limit.number("upper", math.inf)
+        if kind in ("revolute", "prismatic"):
+            if lower == upper == 0.0:
+                limit.place.warn("lower and upper limit are both 0", "read as unlimited; make the joint fixed if it is")
+                lower, upper = -math.inf, math.inf
+            elif limit.text("lower") is None and limit.text("upper") is None:
+                limit.place.warn("gives no lower and upper limit", "read as unlimited")
+        elif kind == "continuous":
+            lower, upper = -math.inf, math.inf
+        rates = {key: limit.number(key, math.inf) for key in ("velocity", "acceleration", "deceleration", "jerk")}
+        return Limits(lower, upper, limit.number("effort", math.inf), **rates)
+
+    def _pose(self, node: Node) -> np.ndarray:
+        origin = node.child("origin")
+        if origin is None:
+            return np.eye(4)
+        quat = origin.numbers("quat_xyzw", 4) if origin.text("quat_xyzw") else None
+        rpy = origin.numbers("rpy", 3) if origin.text("rpy") else None
+        return pose_of(origin.place, np.array(origin.numbers("xyz", 3, (0.0, 0.0, 0.0))), rpy, quat)
+
+    def _rgba(self, node: Node) -> Color:
+        r, g, b, a = node.numbers("rgba", 4)
+        return (r, g, b, a)

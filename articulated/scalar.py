@@ -1,0 +1,79 @@
+"""Elementary functions over scalars: a float, a numpy array (one value per state) or a traced expression.
+
+The algorithms of this project are written once, over scalars, and never branch on a value: a choice is a `where`.
+A float goes to `math`, an array to numpy, anything else is asked for a method of the same name.
+A float outside a function's domain gives NaN, as numpy does, so that a state that diverged stays data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+Scalar = Any
+"""A float, a numpy array or a traced expression; see the module's first lines."""
+
+_NUMPY = (np.ndarray, np.generic)
+
+
+def _elementary(name: str, of_float: Callable[..., float]) -> Callable[..., Scalar]:
+    of_array = getattr(np, name)
+
+    def function(x: Scalar) -> Scalar:
+        if isinstance(x, (float, int)) and not isinstance(x, np.generic):
+            try:
+                return of_float(x)
+            except (ValueError, OverflowError):
+                return math.nan
+        if isinstance(x, _NUMPY):
+            return of_array(x)
+        return getattr(x, name)()
+
+    function.__name__ = name
+    function.__doc__ = f"{name}(x), elementwise."
+    return function
+
+
+sin = _elementary("sin", math.sin)
+cos = _elementary("cos", math.cos)
+sqrt = _elementary("sqrt", math.sqrt)
+exp = _elementary("exp", math.exp)
+log = _elementary("log", math.log)
+absolute = _elementary("absolute", abs)
+
+
+def atan2(y: Scalar, x: Scalar) -> Scalar:
+    """The angle of the point (x, y) [rad], in [-π, π]."""
+    for operand in (y, x):
+        if not isinstance(operand, (float, int, *_NUMPY)):
+            return operand.atan2(y, x)
+    if isinstance(y, np.ndarray) or isinstance(x, np.ndarray):
+        return np.arctan2(y, x)
+    return math.atan2(y, x)
+
+
+def where(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
+    """`a` where the condition holds, else `b`. Both are evaluated: keep each free of a division by zero."""
+    if isinstance(condition, (bool, np.bool_)):
+        return a if condition else b
+    if isinstance(condition, np.ndarray):
+        return np.where(condition, a, b)
+    return condition.where(a, b)
+
+
+def minimum(a: Scalar, b: Scalar) -> Scalar:
+    """The smaller of two scalars."""
+    return where(a < b, a, b)
+
+
+def maximum(a: Scalar, b: Scalar) -> Scalar:
+    """The larger of two scalars."""
+    return where(a > b, a, b)
+
+
+def is_zero(x: Scalar) -> bool:
+    """Whether `x` is the constant 0, known before any state is: a question about the program, not about a value."""
+    return isinstance(x, (float, int)) and x == 0
