@@ -281,7 +281,7 @@ def _joint_model(joint) -> Any:
     pin = need("pinocchio", "check")
     models = {
         "revolute": lambda: pin.JointModelRevoluteUnaligned(joint.axis),
-        "continuous": lambda: pin.JointModelRevoluteUnboundedUnaligned(joint.axis),
+        "continuous": lambda: pin.JointModelRevoluteUnaligned(joint.axis),  # its angle is unwrapped too
         "prismatic": lambda: pin.JointModelPrismaticUnaligned(joint.axis),
         "universal": lambda: pin.JointModelUniversal(joint.axis, joint.axis2),
         "ball": pin.JointModelSpherical,

@@ -8,6 +8,7 @@ to coincide, so one configuration without coincidences is looked at.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -19,30 +20,42 @@ from articulated.rig.rig import Body
 
 if TYPE_CHECKING:
     from articulated.rig.assembly import Member
+    from articulated.rig.description import JointDescription
 
 _ZERO = 1e-9
 """Below this, relative to a body's own size and mass, an inertia or an angle between subspaces counts as zero."""
 
 
 def check_mobility(members: Sequence[Member], bodies: Sequence[Body]) -> None:
-    """Raise RigError at the first joint, leaves first, that moves no mass and has no armature."""
-    first = {member.body: member for member in members if member.moves}
+    """Raise RigError at the first joint, leaves first, that moves no mass and has no armature.
+
+    A coordinate that several joints share is idle if each of them is.
+    """
+    joints = {member.body: member.joint for member in members if member.joint and member.moves}
+    sharing = Counter(_coordinate(joint) for joint in joints.values())
+    idle_joints: Counter[str] = Counter()
     idle = [_not_felt(body) for body in bodies]
-    leads = {member.joint.mimic.joint for member in first.values() if member.joint and member.joint.mimic}
     for i in reversed(range(len(bodies))):
-        body, joint = bodies[i], first[i].joint
-        assert joint is not None
-        subspace = _subspace(joint.kind, body.axis)
-        couples_others = joint.mimic is not None or joint.name in leads
-        if joint.armature == 0.0 and not couples_others and _meet(idle[i], subspace):
-            massless = body.mass == 0.0 and not np.any(body.inertia)
-            reason = f"moves no mass: link {body.name!r} and what hangs from it {'have none' if massless else 'do not resist'}"
-            raise joint.place.error(reason, "give the link a mass and an inertia, the joint armature, or make it fixed")
+        body, joint = bodies[i], joints[i]
+        subspace, s = _subspace(joint.kind, body.axis), _coordinate(joint)
+        if joint.armature == 0.0 and _intersection(idle[i], subspace).shape[1]:
+            idle_joints[s] += 1
+            if idle_joints[s] == sharing[s]:
+                massless = body.mass == 0.0 and not np.any(body.inertia)
+                what = "have none" if massless else "do not resist it"
+                raise joint.place.error(
+                    f"moves no mass: link {body.name!r} and what hangs from it {what}",
+                    "give the link a mass and an inertia, the joint armature, or make it fixed",
+                )
         if body.parent >= 0:
-            free = joint.armature == 0.0 and not couples_others
-            carried = np.hstack([idle[i], subspace]) if free else idle[i]
+            gives_way = joint.armature == 0.0 and sharing[s] == 1
+            carried = np.hstack([idle[i], subspace]) if gives_way else idle[i]
             in_parent = _motion_to_parent(_generic_pose(body, joint.kind, i)) @ carried
             idle[body.parent] = _intersection(idle[body.parent], in_parent)
+
+
+def _coordinate(joint: JointDescription) -> str:
+    return joint.mimic.joint if joint.mimic else joint.name
 
 
 def _not_felt(body: Body) -> np.ndarray:
@@ -106,11 +119,6 @@ def _orthonormal(columns: np.ndarray) -> np.ndarray:
         return columns
     U, s, _ = np.linalg.svd(columns, full_matrices=False)
     return U[:, s > _ZERO * max(s[0], 1e-300)]
-
-
-def _meet(A: np.ndarray, B: np.ndarray) -> bool:
-    """Whether two subspaces share more than zero."""
-    return _intersection(A, B).shape[1] > 0
 
 
 def _intersection(A: np.ndarray, B: np.ndarray) -> np.ndarray:
