@@ -39,5 +39,7 @@ from articulated.rig import (
     load,
     shipped_rigs,
 )
+from articulated.simulation import FirstOrder, Simulation, State, first_order, simulate
+from articulated.trajectory import Check, Outcome, Report, Trajectory
 
 __version__ = "0.1.0"

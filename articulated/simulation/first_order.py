@@ -1,0 +1,107 @@
+"""A rig as a first-order system, for any solver of ordinary differential equations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from articulated.compiler import evaluate
+from articulated.dynamics.boundary import GRAVITY, Argument, checked
+from articulated.dynamics.configuration import configuration_rate
+from articulated.dynamics.mechanism import mechanism
+from articulated.rig import Rig
+from articulated.rig.joint import KINDS
+from articulated.simulation.forces import Forces, acceleration
+
+
+class FirstOrder:
+    """ẏ = f(t, y) with y = (q, v), as `scipy.integrate.solve_ivp` takes it:
+
+        system = art.first_order(rig)
+        solution = solve_ivp(system, (0, 5), system.pack(q0, v0), method="DOP853")
+        q, v = system.unpack(solution.y)
+
+    A solver that knows nothing of quaternions lets their length drift by its own error; `f` looks at their direction
+    only, and `unpack` returns unit ones.
+    """
+
+    def __init__(
+        self,
+        rig: Rig,
+        control: Callable[[float, np.ndarray, np.ndarray], ArrayLike] | ArrayLike | None = None,
+        external: Callable[[float, np.ndarray, np.ndarray], ArrayLike] | ArrayLike | None = None,
+        gravity: ArrayLike = GRAVITY,
+    ):
+        """See `first_order`."""
+        self.rig = rig
+        self._control, self._external = control, external
+        self._gravity = checked(rig, Argument("gravity", gravity, (3,)))
+        self._mechanism = mechanism(rig)
+        if control is not None and not callable(control):
+            self._control = checked(rig, Argument("control", control, (rig.nv,)))
+        if external is not None and not callable(external):
+            self._external = checked(rig, Argument("external", external, (rig.nlinks, 6)))
+
+    def __call__(self, t: float, y: np.ndarray) -> np.ndarray:
+        """ẏ, of the shape of y: (nq + nv,), or (nq + nv, k) for k states (`vectorized=True`)."""
+        columns = np.moveaxis(np.asarray(y, dtype=float), 0, -1)
+        q, v = self._split(columns)
+        tau = self._given(self._control, "control", (self.rig.nv,), t, q, v)
+        external = self._given(self._external, "external", (self.rig.nlinks, 6), t, q, v)
+        tau = np.zeros(self.rig.nv) if tau is None else tau
+        m = self._mechanism
+
+        def algorithm(q, v, tau, external, gravity):
+            return [*configuration_rate(m, q, v), *acceleration(m, q, v, Forces(tau, external, gravity))]
+
+        batch = columns.shape[:-1]
+        result = np.empty(columns.shape)
+        arguments = [(q, 1), (v, 1), (tau, 1), (external, 2), (self._gravity, 1)]
+        evaluate(algorithm, arguments, result, batch)
+        return np.moveaxis(result, -1, 0)
+
+    def pack(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """y of a configuration, shape (nq,), and a velocity, shape (nv,)."""
+        q = checked(self.rig, Argument("q", q, (self.rig.nq,), role="q"))
+        v = checked(self.rig, Argument("v", v, (self.rig.nv,)))
+        return np.concatenate([q, v], axis=-1)
+
+    def unpack(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """q, shape (..., nq), and v, shape (..., nv), of y, shape (nq + nv, ...)."""
+        return self._split(np.moveaxis(np.asarray(y, dtype=float), 0, -1))
+
+    def _split(self, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        if columns.shape[-1] != self.rig.nq + self.rig.nv:
+            raise ValueError(
+                f"y has {columns.shape[-1]} rows; expected nq + nv = {self.rig.nq + self.rig.nv} for rig {self.rig.name!r}"
+            )
+        q, v = columns[..., : self.rig.nq].copy(), columns[..., self.rig.nq :]
+        for joint in self.rig.joints.values():
+            if not joint.mimic and KINDS[joint.kind].nq > KINDS[joint.kind].nv:
+                quat = q[..., joint.q_slice.stop - 4 : joint.q_slice.stop]
+                quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+        return q, v
+
+    def _given(self, what, name: str, shape: tuple[int, ...], t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+        if not callable(what):
+            return what
+        answer = what(t, q, v)
+        return None if answer is None else checked(self.rig, Argument(f"{name}(t={t:g})", answer, shape))
+
+
+def first_order(rig: Rig, control=None, external=None, gravity: ArrayLike = GRAVITY) -> FirstOrder:
+    """The phase-space form of a rig's motion: state in, derivative out. Joint damping and friction act.
+
+    Args:
+        rig: the rig.
+        control: generalized forces, shape (..., nv) [N m, N], or a function of t, q and v that gives them.
+        external: wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6) [N, N m], or
+            such a function.
+        gravity: acceleration of free fall, in the world, shape (3,) [m/s²].
+
+    Raises:
+        ValueError: an array does not fit the rig or is not finite.
+    """
+    return FirstOrder(rig, control, external, gravity)

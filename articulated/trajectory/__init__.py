@@ -1,0 +1,6 @@
+"""Recorded motions, their certificates, and their files."""
+
+from articulated.trajectory.report import Check, Outcome, Report
+from articulated.trajectory.trajectory import Trajectory
+
+__all__ = ["Check", "Outcome", "Report", "Trajectory"]

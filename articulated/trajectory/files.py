@@ -1,0 +1,157 @@
+"""Trajectories in files. Whatever is written appears whole or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import tempfile
+import warnings
+import zipfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from articulated.rig import RigWarning
+from articulated.rig import load as load_rig
+from articulated.trajectory.report import Outcome
+from articulated.trajectory.trajectory import Trajectory
+
+FORMAT = 1
+"""Version of the .npz layout."""
+
+_ARRAYS = ("time", "q", "v", "tau", "kinetic_energy", "potential_energy", "work")
+
+
+def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
+    """See `Trajectory.save`."""
+    if Path(path).suffix != ".npz":
+        raise ValueError(f"{os.fspath(path)!r} does not end in .npz; use export for other formats")
+    about = {"format": FORMAT, "root": trajectory.rig.root, "settings": trajectory.settings}
+    arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
+    arrays["outcome"] = np.array([outcome.name for outcome in trajectory.outcome.ravel()]).reshape(trajectory.outcome.shape)
+    with written(path, "wb") as file:
+        np.savez_compressed(file, about=json.dumps(about), rig=trajectory.rig.to_urdf(), **arrays)
+
+
+def load(path: str | os.PathLike[str]) -> Trajectory:
+    """See `Trajectory.load`."""
+    name = os.fspath(path)
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            about = json.loads(str(data["about"]))
+            if about["format"] > FORMAT:
+                raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", RigWarning)  # all was said when the rig was first loaded
+                rig = load_rig(str(data["rig"]), about["root"])
+            arrays = {key: data[key] for key in _ARRAYS}
+            outcome = np.array([Outcome[str(key)] for key in data["outcome"].ravel()], dtype=object)
+            outcome = outcome.reshape(data["outcome"].shape)
+    except FileNotFoundError:
+        raise
+    except (OSError, EOFError, KeyError, AttributeError, TypeError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+        raise ValueError(f"{name} is not a trajectory, or is damaged ({type(error).__name__}: {error})") from None
+    frames = len(arrays["time"])
+    for key, width in (("q", rig.nq), ("v", rig.nv), ("tau", rig.nv)):
+        if arrays[key].shape != (*outcome.shape, frames, width):
+            raise ValueError(f"{name} is damaged: {key} has shape {arrays[key].shape}")
+    return Trajectory(rig=rig, outcome=outcome, settings=about["settings"], **arrays)
+
+
+def export(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
+    """See `Trajectory.export`."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in EXPORTERS:
+        raise ValueError(f"{os.fspath(path)!r}: unknown format {suffix!r}; known are {', '.join(EXPORTERS)} and save's .npz")
+    EXPORTERS[suffix](trajectory, path)
+
+
+def write_csv(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
+    """One row a frame: time, q, v, tau and energies in columns named after the joints; first the state, if there is a batch."""
+    rig, batch = trajectory.rig, trajectory.outcome.shape
+    names = [
+        *(f"state{axis}" for axis in range(len(batch))),
+        "time",
+        *(f"q.{name}" for name in rig.q_names),
+        *(f"v.{name}" for name in rig.v_names),
+        *(f"tau.{name}" for name in rig.v_names),
+        "kinetic_energy",
+        "potential_energy",
+        "work",
+    ]
+    with written(path, "w") as file:
+        file.write(",".join(_quoted(name) for name in names) + "\n")
+        for state in np.ndindex(batch):
+            energies = (trajectory.kinetic_energy, trajectory.potential_energy, trajectory.work)
+            columns = [trajectory.time[:, None], trajectory.q[state], trajectory.v[state], trajectory.tau[state]]
+            rows = np.hstack([*columns, *(energy[state][:, None] for energy in energies)])
+            prefix = "".join(f"{k}," for k in state)
+            file.writelines(prefix + ",".join(map(repr, row)) + "\n" for row in rows.tolist())
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name
+
+
+EXPORTERS: dict[str, Callable[[Trajectory, str | os.PathLike[str]], None]] = {".csv": write_csv}
+
+
+@contextlib.contextmanager
+def written(path: str | os.PathLike[str], mode: str) -> Iterator[IO[Any]]:
+    """A file that takes its name only once everything is in it and on the disk.
+
+    Raises:
+        OSError: it cannot be written; says which file and why, and leaves nothing behind.
+    """
+    target = Path(path)
+    temporary = None
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(f"cannot write {target}: it is a directory")
+        handle, temporary = tempfile.mkstemp(prefix=f".{target.name}.", suffix=".part", dir=target.parent)
+        with os.fdopen(handle, mode) as file:
+            yield file
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(temporary, _default_mode())
+        os.replace(temporary, target)
+        temporary = None
+    except OSError as error:
+        if error.strerror is None:
+            raise
+        hint = "; create its directory first" if isinstance(error, FileNotFoundError) else ""
+        raise type(error)(f"cannot write {target}: {error.strerror}{hint}") from error
+    finally:
+        if temporary is not None:
+            with contextlib.suppress(OSError):
+                os.unlink(temporary)
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Find out now, not after an hour's run, whether a file can be written.
+
+    Raises:
+        OSError: it cannot; says which file and why.
+    """
+    target = Path(path)
+    try:
+        if target.is_dir():
+            raise IsADirectoryError(f"cannot write {target}: it is a directory")
+        with tempfile.TemporaryFile(dir=target.parent):
+            pass
+        if target.exists() and not os.access(target, os.W_OK):
+            raise PermissionError(f"cannot write {target}: it is write-protected")
+    except OSError as error:
+        if error.strerror is None:
+            raise
+        hint = "; create its directory first" if isinstance(error, FileNotFoundError) else ""
+        raise type(error)(f"cannot write {target}: {error.strerror}{hint}") from error
+
+
+def _default_mode() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

@@ -1,0 +1,152 @@
+"""The certificate of a run: what was checked, and whether it stayed within its tolerance."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from articulated.rig import Rig
+from articulated.rig.joint import KINDS
+
+ENERGY_TOLERANCE = 1e-2
+"""Energy may drift by this part of the energy that was exchanged."""
+
+NORM_TOLERANCE = 1e-9
+
+
+class Outcome(enum.Enum):
+    """How the run of one state ended; the value says what to do about it."""
+
+    COMPLETED = ""
+    DIVERGED = "the numbers overflowed: take a smaller dt, integrator='dopri5', or give light joints armature or damping"
+    STEP_TOO_SMALL = "no step was short enough for rtol and atol: loosen them, or give light joints armature or damping"
+    STEP_LIMIT = "max_steps was reached before the end: raise it, or loosen rtol and atol"
+
+    @property
+    def remedy(self) -> str:
+        """What to do about it; "" if nothing is wrong."""
+        return self.value
+
+
+@dataclass(frozen=True)
+class Check:
+    """One measured quantity of a run.
+
+    Attributes:
+        name, unit: what it is.
+        value: the worst of all states and frames.
+        tolerance: what is allowed; infinite if nothing in this run enforces it.
+        remedy: what to do if it is more.
+    """
+
+    name: str
+    value: float
+    tolerance: float
+    unit: str
+    remedy: str
+
+    @property
+    def passed(self) -> bool:
+        return self.value <= self.tolerance  # False for NaN
+
+
+@dataclass(frozen=True)
+class Report:
+    """The certificate of a run; true if every state completed and every check passed.
+
+    Attributes:
+        checks: what was measured.
+        outcomes: how many states ended in which way.
+    """
+
+    checks: tuple[Check, ...]
+    outcomes: dict[Outcome, int]
+
+    def __bool__(self) -> bool:
+        return self.passed
+
+    @property
+    def passed(self) -> bool:
+        completed = all(outcome is Outcome.COMPLETED for outcome in self.outcomes)
+        return completed and all(check.passed for check in self.checks)
+
+    def __getitem__(self, name: str) -> Check:
+        """The check with this name."""
+        for check in self.checks:
+            if check.name == name:
+                return check
+        raise KeyError(f"no check {name!r}; there are {', '.join(repr(check.name) for check in self.checks)}")
+
+    def __str__(self) -> str:
+        lines = [f"{'passed' if self.passed else 'NOT PASSED'}"]
+        for outcome, count in self.outcomes.items():
+            text = f"  {count} state{'s' if count > 1 else ''} {outcome.name.lower().replace('_', ' ')}"
+            lines.append(text + (f": {outcome.remedy}" if outcome.remedy else ""))
+        for check in self.checks:
+            limit = f"allowed {check.tolerance:.3g}" if np.isfinite(check.tolerance) else "not enforced"
+            verdict = "" if check.passed else f"  <- {check.remedy}"
+            lines.append(f"  {check.name:<18} {check.value:10.3g} {check.unit:<9} {limit}{verdict}")
+        return "\n".join(lines)
+
+
+def certify(
+    rig: Rig, q: np.ndarray, kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, outcomes: np.ndarray
+) -> Report:
+    """The certificate of these frames.
+
+    Args:
+        rig: the rig.
+        q: configurations, shape (..., T, nq).
+        kinetic, potential, work: energies, and the work done by all forces but weight, shape (..., T) [J].
+        outcomes: of each state, shape (...), of `Outcome`.
+    """
+    counts = {outcome: int(np.count_nonzero(outcomes == outcome)) for outcome in Outcome}
+    return Report(
+        checks=(
+            Check(
+                "energy drift",
+                _energy_drift(kinetic, potential, work),
+                ENERGY_TOLERANCE,
+                "relative",
+                "take a smaller dt, or integrator='rk4' or 'dopri5'",
+            ),
+            Check("quaternion norm", _norm_drift(rig, q), NORM_TOLERANCE, "", "report this as a bug"),
+            Check("limit violation", _limit_violation(rig, q), np.inf, "rad or m", ""),
+        ),
+        outcomes={outcome: count for outcome, count in counts.items() if count},
+    )
+
+
+def _energy_drift(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray) -> float:
+    """|E − E₀ − W|, relative to the most energy that was ever kinetic, or had changed form."""
+    drift = np.abs((kinetic - kinetic[..., :1]) + (potential - potential[..., :1]) - (work - work[..., :1]))
+    exchanged = np.maximum(kinetic, np.abs(potential - potential[..., :1])).max(axis=-1)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        relative = np.where(drift.max(axis=-1) == 0.0, 0.0, drift.max(axis=-1) / exchanged)
+    return float(relative.max(initial=0.0))
+
+
+def _norm_drift(rig: Rig, q: np.ndarray) -> float:
+    worst = 0.0
+    for joint in rig.joints.values():
+        if not joint.mimic and KINDS[joint.kind].nq > KINDS[joint.kind].nv:
+            quat = q[..., joint.q_slice.stop - 4 : joint.q_slice.stop]
+            worst = max(worst, float(np.abs(np.linalg.norm(quat, axis=-1) - 1.0).max(initial=0.0)))
+    return worst
+
+
+def _limit_violation(rig: Rig, q: np.ndarray) -> float:
+    worst = 0.0
+    for joint in rig.joints.values():
+        if joint.mimic or joint.kind in ("planar", "floating"):
+            continue
+        own = q[..., joint.q_slice]
+        if joint.kind == "ball":
+            turn = 2.0 * np.arctan2(np.linalg.norm(own[..., :3], axis=-1), np.abs(own[..., 3]))
+            beyond = turn - joint.limits.upper
+        else:
+            beyond = np.maximum(own - joint.limits.upper, joint.limits.lower - own)
+        worst = max(worst, float(beyond.max(initial=0.0)))
+    return worst
