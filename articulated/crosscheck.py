@@ -236,10 +236,9 @@ def _pairs(ref: PinocchioModel, s: _States) -> Iterator[tuple[str, Array, Array]
 
     yield "link_poses", art.link_poses(rig, s.q), every(poses)
     yield "link_velocities", art.link_velocities(rig, s.q, s.v), every(twists)
-    for link, point in ((s.last, None), (s.link, s.point)):
-        ours = art.jacobian(rig, s.q, link, point)
-        name, at = link.name, point
-        yield f"jacobian{', point' if point is not None else ''}", ours, every(lambda k: jacobian(k, name, at))
+    yield "jacobian", art.jacobian(rig, s.q, s.last), every(lambda k: jacobian(k, s.last.name, None))
+    theirs = every(lambda k: jacobian(k, s.link.name, s.point))
+    yield "jacobian, point", art.jacobian(rig, s.q, s.link, s.point), theirs
     if rig.mass > 0.0:
         yield "center_of_mass", art.center_of_mass(rig, s.q), every(lambda k: pin.centerOfMass(model, data, qs[k]))
         theirs = every(lambda k: pin.computeCentroidalMomentum(model, data, qs[k], vs[k]).vector)
@@ -294,5 +293,3 @@ def _joint_model(joint) -> Any:
 def _se3(pose: Array) -> Any:
     pin = need("pinocchio", "check")
     return pin.SE3(pose[:3, :3].copy(), pose[:3, 3].copy())
-
-

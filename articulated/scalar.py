@@ -19,7 +19,7 @@ Scalar = Any
 _NUMPY = (np.ndarray, np.generic)
 
 
-def _elementary(name: str, of_float: Callable[..., float]) -> Callable[..., Scalar]:
+def _elementary(name: str, of_float: Callable[[Any], float]) -> Callable[..., Scalar]:
     of_array = getattr(np, name)
 
     def function(x: Scalar) -> Scalar:

@@ -40,18 +40,12 @@ def step_rate(mechanism: Mechanism, step: Sequence[Scalar], v: Sequence[Scalar])
     """
     result: list[Scalar] = []
     for joint in mechanism.own_joints():
-        s, rate = joint.velocity(step), joint.velocity(v)
-        first = joint.model.bracket(s, rate)
-        if first is not None:
-            second = _bracket(joint, s, first)
-            fourth = _bracket(joint, s, _bracket(joint, s, second))
-            rate = [
-                x + 0.5 * b1 + (1.0 / 12.0) * b2 - (1.0 / 720.0) * b4
-                for x, b1, b2, b4 in zip(rate, first, second, fourth, strict=True)
-            ]
-        result += rate
+        s, rate, bracket = joint.velocity(step), joint.velocity(v), joint.model.bracket
+        first = bracket(s, rate)
+        second = bracket(s, first)
+        fourth = bracket(s, bracket(s, second))
+        result += [
+            x + 0.5 * b1 + (1.0 / 12.0) * b2 - (1.0 / 720.0) * b4
+            for x, b1, b2, b4 in zip(rate, first, second, fourth, strict=True)
+        ]
     return result
-
-
-def _bracket(joint, a, b):
-    return joint.model.bracket(a, b)

@@ -55,9 +55,7 @@ class Elimination:
         return Elimination.begin({})
 
     @staticmethod
-    def begin(
-        rows: dict[int, Row], IA: ArticulatedInertia | None = None, pA: Force | None = None
-    ) -> Elimination:
+    def begin(rows: dict[int, Row], IA: ArticulatedInertia | None = None, pA: Force | None = None) -> Elimination:
         """Start from what the subtree left open, and the body's own articulated inertia and bias force."""
         return Elimination(IA or ArticulatedInertia.zero(), pA or Force.zero(), rows)
 
@@ -118,9 +116,7 @@ class Elimination:
 
     def carried_to_parent(self, X: Pose, c: Motion) -> dict[int, Row]:
         """The rows still open, for the parent's acceleration: a = X a_parent + c."""
-        return {
-            s: Row(X.force_to_parent(row.U), dict(row.D), row.u - c.dot(row.U)) for s, row in self.rows.items()
-        }
+        return {s: Row(X.force_to_parent(row.U), dict(row.D), row.u - c.dot(row.U)) for s, row in self.rows.items()}
 
     def solve(self, a: Motion, qdd: list[Scalar]) -> None:
         """Fill in the accelerations of the coordinates given up here, for the body's acceleration without its joint."""

@@ -146,9 +146,7 @@ def gravity_forces(
     return call(rig, algorithm, [_q(rig, q), _gravity(gravity)], (rig.nv,), out, threads)
 
 
-def mass_matrix(
-    rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
-) -> np.ndarray:
+def mass_matrix(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """The mass matrix, armature included, by the composite-rigid-body algorithm. RBDA table 6.2, p. 108.
 
     Args:
@@ -160,9 +158,7 @@ def mass_matrix(
     return call(rig, partial(crba.mass_matrix, mechanism(rig)), [_q(rig, q)], (rig.nv, rig.nv), out, threads)
 
 
-def link_poses(
-    rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
-) -> np.ndarray:
+def link_poses(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """Where the links are: homogeneous matrices X_WL, link to world.
 
     Args:
@@ -218,9 +214,7 @@ def jacobian(
     return call(rig, algorithm, arguments, (6, rig.nv), out, threads)
 
 
-def center_of_mass(
-    rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
-) -> np.ndarray:
+def center_of_mass(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """The centre of mass of all that moves, in the world.
 
     Args:
@@ -236,9 +230,7 @@ def center_of_mass(
     return call(rig, partial(total_momentum.center_of_mass, mechanism(rig)), [_q(rig, q)], (3,), out, threads)
 
 
-def momentum(
-    rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
-) -> np.ndarray:
+def momentum(rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """Linear momentum, then angular momentum about the centre of mass, of all that moves, in the world.
 
     Args:
@@ -324,9 +316,7 @@ def difference(
     return call(rig, algorithm, [_q(rig, q0, "q0"), _q(rig, q1, "q1")], (rig.nv,), out, threads)
 
 
-def passive_forces(
-    rig: Rig, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
-) -> np.ndarray:
+def passive_forces(rig: Rig, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """The forces that the joints' own damping and dry friction exert: −damping v − friction v / √(v² + ε²).
 
     Dry friction is smoothed about ε = 0.01 rad/s or m/s.

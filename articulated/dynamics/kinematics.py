@@ -75,9 +75,7 @@ def gravity_acceleration(gravity: Sequence[Scalar]) -> Motion:
     return Motion(Vec3.zero(), -Vec3.of(gravity))
 
 
-def external_forces(
-    mechanism: Mechanism, X: Sequence[Pose], external: Sequence[Sequence[Scalar]] | None
-) -> list[Force | None]:
+def external_forces(mechanism: Mechanism, X: Sequence[Pose], external: Sequence[Sequence[Scalar]] | None) -> list[Force | None]:
     """For each body, the sum of the wrenches on its links, in the body; None where there is none.
 
     Args:

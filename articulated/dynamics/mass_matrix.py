@@ -42,8 +42,6 @@ def mass_matrix(mechanism: Mechanism, q: Sequence[Scalar]) -> list[list[Scalar]]
     return M
 
 
-
-
 def _add(M: list[list[Scalar]], s: int, t: int, x: Scalar, twice: bool) -> None:
     """Add x to M_st and M_ts; to M_ss twice, if it is two different joints that share the coordinate."""
     if s == t:

@@ -35,9 +35,7 @@ def momentum(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar]) -> 
 
 def mass_moment(mechanism: Mechanism, X_W: Sequence[Pose]) -> Vec3:
     """Σ m c, in the world."""
-    moments = [
-        X.p * inertia.mass + X.R @ inertia.h for X, inertia in zip(X_W, mechanism.inertia, strict=True)
-    ]
+    moments = [X.p * inertia.mass + X.R @ inertia.h for X, inertia in zip(X_W, mechanism.inertia, strict=True)]
     return reduce(lambda a, b: a + b, moments, Vec3.zero())
 
 

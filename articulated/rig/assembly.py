@@ -265,12 +265,11 @@ def _bodies(members: Sequence[Member], place: Place) -> list[Body]:
         group = parts[index]
         sums = [_about_origin(member) for member in group]
         mass = float(sum(s.mass for s in sums))
-        center = sum(s.h for s in sums) / mass if mass > 0.0 else np.zeros(3)
+        center = np.sum([s.h for s in sums], axis=0) / mass if mass > 0.0 else np.zeros(3)
         if len(group) == 1 or mass == 0.0:
-            R = group[0].pose[:3, :3]
-            inertia = sum((m.pose[:3, :3] @ m.link.inertia @ m.pose[:3, :3].T for m in group), np.zeros((3, 3)))
+            inertia = np.sum([m.pose[:3, :3] @ m.link.inertia @ m.pose[:3, :3].T for m in group], axis=0)
         else:
-            inertia = sum(s.J for s in sums) - mass * (center @ center * np.eye(3) - np.outer(center, center))
+            inertia = np.sum([s.J for s in sums], axis=0) - mass * (center @ center * np.eye(3) - np.outer(center, center))
         _check_inertia(group, inertia, moves=index >= 0)
         if index < 0:
             continue

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from articulated.rig.assembly import assemble
 from articulated.rig.description import JointDescription, LinkDescription, check_joint, check_link
@@ -40,8 +41,8 @@ class RigBuilder:
         self,
         name: str,
         mass: float = 0.0,
-        center: Sequence[float] = (0.0, 0.0, 0.0),
-        inertia: Any = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
+        center: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)),
         collisions: Sequence[Shape | Geometry] = (),
         visuals: Sequence[Shape | Geometry] = (),
         *,
@@ -81,12 +82,12 @@ class RigBuilder:
         parent: str,
         child: str,
         *,
-        xyz: Sequence[float] = (0.0, 0.0, 0.0),
+        xyz: ArrayLike = (0.0, 0.0, 0.0),
         rpy: Sequence[float] | None = None,
         quat_xyzw: Sequence[float] | None = None,
-        pose: Any = None,
-        axis: Sequence[float] = (1.0, 0.0, 0.0),
-        axis2: Sequence[float] | None = None,
+        pose: ArrayLike | None = None,
+        axis: ArrayLike = (1.0, 0.0, 0.0),
+        axis2: ArrayLike | None = None,
         limits: Limits | None = None,
         damping: float = 0.0,
         friction: float = 0.0,

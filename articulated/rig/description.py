@@ -69,9 +69,7 @@ def check_link(link: LinkDescription) -> None:
     if link.mass > 0.0:
         gyration = math.sqrt(np.abs(link.inertia).max() / link.mass)
         if gyration > FARTHEST or np.linalg.norm(link.center) > FARTHEST:
-            place.warn(
-                f"{link.mass:g} kg is spread over more than {FARTHEST:g} m", "units are metres, kilograms and kg m²"
-            )
+            place.warn(f"{link.mass:g} kg is spread over more than {FARTHEST:g} m", "units are metres, kilograms and kg m²")
     for shape in (*link.collisions, *link.visuals):
         _check_shape(place, shape)
 
@@ -157,9 +155,7 @@ def _check_numbers(joint: JointDescription) -> None:
         if not math.isfinite(value) or value < 0.0:
             raise place.error(f"{name} is {value:g}", "give a finite number, zero or more")
     if math.isnan(limits.lower) or math.isnan(limits.upper) or limits.lower > limits.upper:
-        raise place.error(
-            f"lower limit {limits.lower:g} is not below upper limit {limits.upper:g}", "exchange or correct them"
-        )
+        raise place.error(f"lower limit {limits.lower:g} is not below upper limit {limits.upper:g}", "exchange or correct them")
     for name in ("effort", "velocity", "acceleration", "deceleration", "jerk"):
         value = getattr(limits, name)
         if math.isnan(value) or value < 0.0:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -186,6 +187,30 @@ class Rig:
             if not joint.mimic:
                 q[..., joint.q_slice] = _random_configuration(joint, rng, shape)
         return q
+
+    def with_joints(self, **properties: float | Mapping[str, float]) -> Rig:
+        """The same rig with other passive joint properties: most files give none.
+
+            ragdoll = rig.with_joints(damping=0.5, armature={"left_wrist": 0.01})
+
+        Args:
+            properties: damping, friction or armature, each a number for all joints but the root's, or a mapping by name.
+
+        Raises:
+            ValueError: a property or a joint is unknown, or a number is negative or not finite.
+        """
+        joints = dict(self.joints)
+        for what, given in properties.items():
+            if what not in ("damping", "friction", "armature"):
+                raise ValueError(f"unknown joint property {what!r}; expected damping, friction or armature")
+            named = given if isinstance(given, Mapping) else {n: given for n, j in joints.items() if j.parent}
+            for name, value in named.items():
+                if name not in joints:
+                    raise ValueError(f"rig {self.name!r} has no moving joint {name!r}")
+                if not (math.isfinite(value) and value >= 0.0):
+                    raise ValueError(f"{what} of joint {name!r} is {value!r}; expected a finite number, zero or more")
+                joints[name] = replace(joints[name], **{what: float(value)})
+        return replace(self, joints=MappingProxyType(joints))
 
     def to_urdf(self) -> str:
         """This rig as URDF text, from which `load` makes the same rig again (with the same `root`)."""

@@ -2,5 +2,6 @@
 
 from articulated.simulation.first_order import FirstOrder, first_order
 from articulated.simulation.simulation import Simulation, State, simulate
+from articulated.simulation.steppers import INTEGRATORS
 
-__all__ = ["FirstOrder", "Simulation", "State", "first_order", "simulate"]
+__all__ = ["INTEGRATORS", "FirstOrder", "Simulation", "State", "first_order", "simulate"]

@@ -25,9 +25,16 @@ class Schedule:
     """
 
     def __init__(
-        self, rig: Rig, batch: tuple[int, ...], period: float, periods: int, control: Any, external: Any
+        self,
+        rig: Rig,
+        batch: tuple[int, ...],
+        period: float,
+        periods: int,
+        control: Any,
+        external: Any,
+        gravity: tuple[float, float, float],
     ):
-        self.rig, self.batch, self.period, self.periods = rig, batch, period, periods
+        self.rig, self.batch, self.period, self.gravity = rig, batch, period, gravity
         self._control = _Signal(rig, "control", (rig.nv,), batch, periods, control)
         self._external = _Signal(rig, "external", (rig.nlinks, 6), batch, periods, external)
         self.tau = np.zeros((*batch, rig.nv))
@@ -35,7 +42,7 @@ class Schedule:
         self.changes = self.asks or self._control.over_time is not None or self._external.over_time is not None
         self._forces: Forces | None = None
 
-    def forces(self, k: int, state: State, gravity: tuple[float, ...]) -> Forces:
+    def forces(self, k: int, state: State) -> Forces:
         """What acts in period k: the same object as before if it is the same."""
         changed = self._control.update(k, k * self.period, state)
         changed |= self._external.update(k, k * self.period, state)
@@ -44,7 +51,7 @@ class Schedule:
                 self.tau = self._control.value
             external = self._external.value
             self._forces = Forces(
-                column_lists(self.tau, 1), None if external is None else column_lists(external, 2), gravity
+                column_lists(self.tau, 1), None if external is None else column_lists(external, 2), self.gravity
             )
         return self._forces
 
@@ -52,9 +59,7 @@ class Schedule:
 class _Signal:
     """An array, an array over time, a function, or nothing."""
 
-    def __init__(
-        self, rig: Rig, name: str, shape: tuple[int, ...], batch: tuple[int, ...], periods: int, given: Any
-    ):
+    def __init__(self, rig: Rig, name: str, shape: tuple[int, ...], batch: tuple[int, ...], periods: int, given: Any):
         self.rig, self.name, self.shape, self.batch, self.periods = rig, name, shape, batch, periods
         self.function = given if callable(given) else None
         self.value: np.ndarray | None = None
@@ -101,9 +106,7 @@ class _Signal:
             return np.broadcast_to(array, (*self.batch, *self.shape)).astype(float, copy=False)
         except ValueError:
             wanted = ", ".join(map(str, (*self.batch, *self.shape)))
-            raise ValueError(
-                f"{self.name} has shape {array.shape}; it does not broadcast to the states' ({wanted})"
-            ) from None
+            raise ValueError(f"{self.name} has shape {array.shape}; it does not broadcast to the states' ({wanted})") from None
 
 
 def column_lists(array: np.ndarray, core: int) -> list[Scalar]:

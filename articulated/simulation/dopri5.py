@@ -157,9 +157,7 @@ def _end_seen_from_start(mechanism: Mechanism, start: Point, slopes: list[Slope]
     return Slope(step_rate(mechanism, step, end.v), slopes[-1].v, slopes[-1].work)
 
 
-def _error(
-    mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: float, atol: float
-) -> Scalar:
+def _error(mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: float, atol: float) -> Scalar:
     """Estimated error of a step over what is allowed, root mean square over coordinates."""
     total: Scalar = 0.0
     for n in range(mechanism.nv):

@@ -67,6 +67,7 @@ class Simulation:
     atol: float = 1e-9
     max_steps: int = 1_000_000
     threads: int | None = None
+    _gravity: tuple[float, float, float] = field(init=False, repr=False)
     _mechanism: Mechanism = field(init=False, repr=False)
 
     def __post_init__(self):
@@ -87,7 +88,7 @@ class Simulation:
         if gravity.shape != (3,):
             raise ValueError(f"gravity has shape {gravity.shape}; expected (3,)")
         check_threads(self.threads)
-        object.__setattr__(self, "gravity", tuple(gravity.tolist()))
+        object.__setattr__(self, "_gravity", tuple(gravity.tolist()))
         object.__setattr__(self, "_mechanism", mechanism(self.rig))
 
     def reset(self, q: ArrayLike | None = None, v: ArrayLike | None = None) -> State:
@@ -123,9 +124,9 @@ class Simulation:
             ValueError: an array does not fit the rig, is not finite, or does not broadcast with the state.
         """
         period = self.dt * self.substeps
-        schedule = Schedule(self.rig, state.q.shape[:-1], period, 1, control, external)
+        schedule = Schedule(self.rig, state.q.shape[:-1], period, 1, control, external, self._gravity)
         stepper = self._stepper(state, self.dt)
-        stepper.advance(schedule.forces(0, state, self.gravity), self.substeps, period, period)
+        stepper.advance(schedule.forces(0, state), self.substeps, period, period)
         return stepper.state(state.time + period, period)
 
     def run(
@@ -147,33 +148,33 @@ class Simulation:
             q0, v0: the start, as in `reset`; leading axes are a batch.
             duration: [s]; the last frame is the last that it holds.
             fps: frames a second.
-            control: generalized forces [N m, N]: an array, shape (..., nv) with no more axes than q0, held throughout; or with one
-                axis more, shape (..., N, nv), whose N rows share the duration evenly; or a function of time and state,
-                called once a control period for the whole batch; or None.
-            external: likewise wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6) or
-                (..., N, nlinks, 6) [N, N m].
+            control: generalized forces [N m, N]: an array, shape (..., nv) with no more axes than q0, held throughout; or
+                with one axis more, shape (..., N, nv), whose N rows share the duration evenly; or a function of time and
+                state, called once a control period for the whole batch; or None.
+            external: likewise wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6)
+                or (..., N, nlinks, 6) [N, N m].
             progress: show a bar if it takes long.
 
         Returns:
             The trajectory; its `report` tells how well it went, its `outcome` how each state ended.
 
         Raises:
-            ValueError: an array does not fit the rig, is not finite or does not broadcast; a quaternion is not of unit length; a
-                time is impossible.
+            ValueError: an array does not fit the rig, is not finite or does not broadcast; a quaternion is not of unit
+                length; a time is impossible.
         """
         frames = _frame_count(duration, fps)
         start = self.reset(q0, v0)
         batch = start.q.shape[:-1]
         periods = max(1, math.ceil(1.0 / (fps * self.dt * self.substeps) - 1e-9))  # control periods a frame
         period = 1.0 / (fps * periods)
-        schedule = Schedule(self.rig, batch, period, frames * periods, control, external)
+        schedule = Schedule(self.rig, batch, period, frames * periods, control, external, self._gravity)
         stepper = self._stepper(start, period / self.substeps)
         record = _Record(self.rig, batch, frames)
         state = start
-        with _bar(progress, frames, self.rig.name) as advance_bar:
+        with _Bar(progress, frames, self.rig.name) as advance_bar:
             for frame in range(frames):
                 for k in range(frame * periods, (frame + 1) * periods):
-                    forces = schedule.forces(k, state, self.gravity)
+                    forces = schedule.forces(k, state)
                     if k == frame * periods:
                         record.put(frame, state, schedule.tau)
                     t_end = (k + 1) * period
@@ -191,13 +192,13 @@ class Simulation:
 
     def _trajectory(self, record: _Record, time: np.ndarray, stepper: Stepper, h: float) -> Trajectory:
         # a state that overflowed has no energy; say so once, below
-        finite = np.isfinite(record.q).all(axis=-1) & np.isfinite(record.v).all(axis=-1)
+        finite = np.asarray(np.isfinite(record.q).all(axis=-1) & np.isfinite(record.v).all(axis=-1))
         q = np.where(finite[..., None], record.q, self.rig.neutral())
         v = np.where(finite[..., None], record.v, 0.0)
         kinetic = np.where(finite, kinetic_energy(self.rig, q, v), np.nan)
         potential = np.where(finite, potential_energy(self.rig, q, self.gravity), np.nan)
         outcome = stepper.outcomes()
-        outcome = np.where(finite.all(axis=-1) | (outcome != Outcome.COMPLETED), outcome, Outcome.DIVERGED)
+        outcome = np.where((outcome == Outcome.COMPLETED) & ~finite.all(axis=-1), np.int8(Outcome.DIVERGED), outcome)
         settings = {"integrator": self.integrator, "dt": h, "substeps": self.substeps}
         if self.integrator == "dopri5":
             settings |= {"rtol": self.rtol, "atol": self.atol}
@@ -210,13 +211,14 @@ class Simulation:
             kinetic_energy=kinetic,
             potential_energy=potential,
             work=record.work,
-            outcome=np.asarray(outcome, dtype=object),
+            outcome=np.asarray(outcome),
             settings=settings,
         )
         for outcome, count in trajectory.report.outcomes.items():
             if outcome is not Outcome.COMPLETED:
-                name = outcome.name.lower().replace("_", " ")
-                text = f"{count} of {trajectory.outcome.size} states of rig {self.rig.name!r}: {name}; {outcome.remedy}"
+                text = (
+                    f"{count} of {trajectory.outcome.size} states of rig {self.rig.name!r}: {outcome.label}; {outcome.remedy}"
+                )
                 warnings.warn(text, RuntimeWarning, stacklevel=3)
         return trajectory
 
@@ -251,7 +253,7 @@ def _frame_count(duration: float, fps: float) -> int:
     return frames
 
 
-class _bar:
+class _Bar:
     """A progress bar that appears after two seconds, on a terminal only."""
 
     def __init__(self, wanted: bool, total: int, name: str):
@@ -262,10 +264,12 @@ class _bar:
             self.bar = tqdm(total=total, desc=name, unit="frame", delay=2.0, disable=None, leave=False)
 
     def __enter__(self) -> Callable[[], None]:
-        return (lambda: None) if self.bar is None else (lambda: self.bar.update() and None)
+        return self._advance
+
+    def _advance(self) -> None:
+        if self.bar is not None:
+            self.bar.update()
 
     def __exit__(self, *_) -> None:
         if self.bar is not None:
             self.bar.close()
-
-

@@ -60,7 +60,7 @@ class FixedStepper:
         return _state(self.point, time, self.batch)
 
     def outcomes(self) -> np.ndarray:
-        return np.full(self.batch, Outcome.COMPLETED, dtype=object)
+        return np.full(self.batch, Outcome.COMPLETED, dtype=np.int8)
 
 
 class AdaptiveStepper:
@@ -100,7 +100,8 @@ class AdaptiveStepper:
         assert self.motion is not None
         arrived = np.broadcast_to(self.motion.t, self.batch) >= self.t_end
         failed = np.broadcast_to(self.motion.failed, self.batch) > 0.5
-        return np.where(arrived, Outcome.COMPLETED, np.where(failed, Outcome.STEP_TOO_SMALL, Outcome.STEP_LIMIT))
+        result = np.where(failed, int(Outcome.STEP_TOO_SMALL), int(Outcome.STEP_LIMIT))
+        return np.where(arrived, int(Outcome.COMPLETED), result).astype(np.int8)
 
 
 INTEGRATORS: dict[str, Callable[..., Stepper]] = {

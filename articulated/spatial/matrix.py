@@ -116,14 +116,10 @@ class Sym3:
         return Vec3(self.xz, self.yz, self.zz)
 
     def __add__(self, b: Sym3) -> Sym3:
-        return Sym3(
-            self.xx + b.xx, self.xy + b.xy, self.xz + b.xz, self.yy + b.yy, self.yz + b.yz, self.zz + b.zz
-        )
+        return Sym3(self.xx + b.xx, self.xy + b.xy, self.xz + b.xz, self.yy + b.yy, self.yz + b.yz, self.zz + b.zz)
 
     def __sub__(self, b: Sym3) -> Sym3:
-        return Sym3(
-            self.xx - b.xx, self.xy - b.xy, self.xz - b.xz, self.yy - b.yy, self.yz - b.yz, self.zz - b.zz
-        )
+        return Sym3(self.xx - b.xx, self.xy - b.xy, self.xz - b.xz, self.yy - b.yy, self.yz - b.yz, self.zz - b.zz)
 
     def __matmul__(self, b: Vec3) -> Vec3:
         return Vec3(

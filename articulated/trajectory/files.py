@@ -16,13 +16,12 @@ import numpy as np
 
 from articulated.rig import RigWarning
 from articulated.rig import load as load_rig
-from articulated.trajectory.report import Outcome
 from articulated.trajectory.trajectory import Trajectory
 
 FORMAT = 1
 """Version of the .npz layout."""
 
-_ARRAYS = ("time", "q", "v", "tau", "kinetic_energy", "potential_energy", "work")
+_ARRAYS = ("time", "q", "v", "tau", "kinetic_energy", "potential_energy", "work", "outcome")
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -31,7 +30,6 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
         raise ValueError(f"{os.fspath(path)!r} does not end in .npz; use export for other formats")
     about = {"format": FORMAT, "root": trajectory.rig.root, "settings": trajectory.settings}
     arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
-    arrays["outcome"] = np.array([outcome.name for outcome in trajectory.outcome.ravel()]).reshape(trajectory.outcome.shape)
     with written(path, "wb") as file:
         np.savez_compressed(file, about=json.dumps(about), rig=trajectory.rig.to_urdf(), **arrays)
 
@@ -48,17 +46,15 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
                 warnings.simplefilter("ignore", RigWarning)  # all was said when the rig was first loaded
                 rig = load_rig(str(data["rig"]), about["root"])
             arrays = {key: data[key] for key in _ARRAYS}
-            outcome = np.array([Outcome[str(key)] for key in data["outcome"].ravel()], dtype=object)
-            outcome = outcome.reshape(data["outcome"].shape)
     except FileNotFoundError:
         raise
     except (OSError, EOFError, KeyError, AttributeError, TypeError, zipfile.BadZipFile, json.JSONDecodeError) as error:
         raise ValueError(f"{name} is not a trajectory, or is damaged ({type(error).__name__}: {error})") from None
     frames = len(arrays["time"])
     for key, width in (("q", rig.nq), ("v", rig.nv), ("tau", rig.nv)):
-        if arrays[key].shape != (*outcome.shape, frames, width):
+        if arrays[key].shape != (*arrays["outcome"].shape, frames, width):
             raise ValueError(f"{name} is damaged: {key} has shape {arrays[key].shape}")
-    return Trajectory(rig=rig, outcome=outcome, settings=about["settings"], **arrays)
+    return Trajectory(rig=rig, settings=about["settings"], **arrays)
 
 
 def export(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -120,10 +116,7 @@ def written(path: str | os.PathLike[str], mode: str) -> Iterator[IO[Any]]:
         os.replace(temporary, target)
         temporary = None
     except OSError as error:
-        if error.strerror is None:
-            raise
-        hint = "; create its directory first" if isinstance(error, FileNotFoundError) else ""
-        raise type(error)(f"cannot write {target}: {error.strerror}{hint}") from error
+        raise _said_of(target, error) from error
     finally:
         if temporary is not None:
             with contextlib.suppress(OSError):
@@ -145,10 +138,15 @@ def check_writable(path: str | os.PathLike[str]) -> None:
         if target.exists() and not os.access(target, os.W_OK):
             raise PermissionError(f"cannot write {target}: it is write-protected")
     except OSError as error:
-        if error.strerror is None:
-            raise
-        hint = "; create its directory first" if isinstance(error, FileNotFoundError) else ""
-        raise type(error)(f"cannot write {target}: {error.strerror}{hint}") from error
+        raise _said_of(target, error) from error
+
+
+def _said_of(target: Path, error: OSError) -> OSError:
+    """The error, in words that name the file that was wanted and not a temporary one."""
+    if error.strerror is None:  # ours already
+        return error
+    hint = "; create its directory first" if isinstance(error, FileNotFoundError) else ""
+    return type(error)(f"cannot write {target}: {error.strerror}{hint}")
 
 
 def _default_mode() -> int:

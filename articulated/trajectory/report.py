@@ -16,18 +16,31 @@ ENERGY_TOLERANCE = 1e-2
 NORM_TOLERANCE = 1e-9
 
 
-class Outcome(enum.Enum):
-    """How the run of one state ended; the value says what to do about it."""
+class Outcome(enum.IntEnum):
+    """How the run of one state ended."""
 
-    COMPLETED = ""
-    DIVERGED = "the numbers overflowed: take a smaller dt, integrator='dopri5', or give light joints armature or damping"
-    STEP_TOO_SMALL = "no step was short enough for rtol and atol: loosen them, or give light joints armature or damping"
-    STEP_LIMIT = "max_steps was reached before the end: raise it, or loosen rtol and atol"
+    COMPLETED = 0
+    DIVERGED = 1
+    STEP_TOO_SMALL = 2
+    STEP_LIMIT = 3
 
     @property
     def remedy(self) -> str:
         """What to do about it; "" if nothing is wrong."""
-        return self.value
+        return _REMEDIES[self]
+
+    @property
+    def label(self) -> str:
+        """Its name in a sentence."""
+        return self.name.lower().replace("_", " ")
+
+
+_REMEDIES = {
+    Outcome.COMPLETED: "",
+    Outcome.DIVERGED: "the numbers overflowed: take a smaller dt or integrator='dopri5', or give light joints armature",
+    Outcome.STEP_TOO_SMALL: "no step was short enough: give light joints armature, above all where axes may coincide",
+    Outcome.STEP_LIMIT: "max_steps was reached before the end: raise it, or loosen rtol and atol",
+}
 
 
 @dataclass(frozen=True)
@@ -82,7 +95,7 @@ class Report:
     def __str__(self) -> str:
         lines = [f"{'passed' if self.passed else 'NOT PASSED'}"]
         for outcome, count in self.outcomes.items():
-            text = f"  {count} state{'s' if count > 1 else ''} {outcome.name.lower().replace('_', ' ')}"
+            text = f"  {count} state{'s' if count > 1 else ''} {outcome.label}"
             lines.append(text + (f": {outcome.remedy}" if outcome.remedy else ""))
         for check in self.checks:
             limit = f"allowed {check.tolerance:.3g}" if np.isfinite(check.tolerance) else "not enforced"

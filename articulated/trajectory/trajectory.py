@@ -60,13 +60,8 @@ class Trajectory:
         """The trajectory of one state of a batch, or of part of a batch."""
         if len(index) > self.outcome.ndim:
             raise ValueError(f"state index {index} has {len(index)} entries; the batch has {self.outcome.ndim} axes")
-        part = {
-            name: getattr(self, name)[index]
-            for name in ("q", "v", "tau", "kinetic_energy", "potential_energy", "work")
-        }
-        return Trajectory(
-            rig=self.rig, time=self.time, outcome=np.asarray(self.outcome[index]), settings=self.settings, **part
-        )
+        part = {name: getattr(self, name)[index] for name in ("q", "v", "tau", "kinetic_energy", "potential_energy", "work")}
+        return Trajectory(rig=self.rig, time=self.time, outcome=np.asarray(self.outcome[index]), settings=self.settings, **part)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything, the rig included, to an .npz file. An old file is replaced only once the new one is whole.
@@ -101,5 +96,3 @@ class Trajectory:
         from articulated.trajectory.files import export
 
         export(self, path)
-
-

@@ -38,8 +38,6 @@ class JointModel:
         """The smallest dv with q0 ⊕ dv = q1."""
         return [b - a for a, b in zip(q0, q1, strict=True)]
 
-    def bracket(self, a: Sequence[Scalar], b: Sequence[Scalar]) -> list[Scalar] | None:
-        """[a, b], the bracket of the group that q moves on; None where it commutes."""
-        return None
-
-
+    def bracket(self, a: Sequence[Scalar], b: Sequence[Scalar]) -> list[Scalar]:
+        """[a, b], the bracket of the group that q moves on: zero where it commutes."""
+        return [0.0] * len(a)

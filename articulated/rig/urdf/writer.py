@@ -1,4 +1,4 @@
-"""A rig as URDF text, version 1.2 with the additions that `reader` names. Numbers are written so that they read back exactly."""
+"""A rig as URDF text, version 1.2 with the additions that `reader` names; numbers read back exactly."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _add_joint(robot: etree._Element, joint: Joint | FixedJoint) -> None:
 
 def _add_origin(parent: etree._Element, pose: np.ndarray) -> None:
     if np.any(pose != np.eye(4)):
-        etree.SubElement(parent, "origin", xyz=_words(pose[:3, 3]), **_orientation(pose[:3, :3]))
+        etree.SubElement(parent, "origin", {"xyz": _words(pose[:3, 3]), **_orientation(pose[:3, :3])})
 
 
 def _orientation(R: np.ndarray) -> dict[str, str]:
@@ -107,5 +107,3 @@ def _orientation(R: np.ndarray) -> dict[str, str]:
 
 def _words(values) -> str:
     return " ".join(f"{float(value):.17g}" for value in values)
-
-

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from lxml import etree
 
@@ -31,7 +32,7 @@ def parse(text: bytes, source: str) -> etree._Element:
         raise RigError(source, error.lineno, "", f"is not well-formed XML: {error.msg}", "correct the file") from None
     except ValueError as error:
         raise RigError(source, None, "", f"is not an XML document: {error}", "correct the file") from None
-    document = root.getroottree().docinfo
+    document: Any = root.getroottree().docinfo
     if document.system_url or (document.internalDTD is not None and list(document.internalDTD.iterentities())):
         raise RigError(source, None, "DOCTYPE", "declares entities or an external document type", "remove the DOCTYPE")
     return root
