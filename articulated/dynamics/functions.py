@@ -1,4 +1,4 @@
-"""The public functions of dynamics.
+"""The public functions of dynamics; a long file because it is a list.
 
 All take arrays whose leading axes are a batch of states, shape (..., n), and broadcast these axes. They compute in float64,
 or in float32 if every array that they are given is float32. Every one of them also takes:

@@ -6,7 +6,7 @@ link that its joint moves, turned once so that the joint's axis is its z axis.
 
 from __future__ import annotations
 
-from collections import Counter, deque
+from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from types import MappingProxyType
@@ -23,9 +23,10 @@ from articulated.rig.description import (
 )
 from articulated.rig.errors import Place
 from articulated.rig.frames import inverse, rotation_with_z_along, snapped
-from articulated.rig.joint import KINDS, Joint, Limits, Mimic
+from articulated.rig.joint import KINDS, Joint, Limits
 from articulated.rig.mobility import check_mobility
 from articulated.rig.rig import Body, FixedJoint, Link, Rig
+from articulated.rig.tree import check_tree, resolve_mimics
 
 ROOT_JOINT = "root_joint"
 """The joint that lets the root link of a free or planar rig move."""
@@ -44,9 +45,8 @@ def assemble(
     ignored: Mapping[str, int],
 ) -> Rig:
     """The rig of these links and joints; see `RigBuilder.build`."""
-    _check_names(place, links, joints)
-    joint_to = _check_tree(place, links, joints)
-    joints = _resolve_mimics(joints)
+    joint_to = check_tree(place, links, joints)
+    joints = resolve_mimics(joints)
     root_link = next(link for link in links if link.name not in joint_to)
     if root != "fixed":
         joints = [*joints, _root_joint(root, root_link.name, place)]
@@ -96,88 +96,6 @@ class Member:
     @property
     def moves(self) -> bool:
         return self.joint is not None and self.joint.kind != "fixed"
-
-
-def _check_names(place: Place, links: Sequence[LinkDescription], joints: Sequence[JointDescription]) -> None:
-    if not links:
-        raise place.error("has no links", "a rig needs one at least")
-    for what, named in (("link", links), ("joint", joints)):
-        for name, count in Counter(one.name for one in named).items():
-            if count > 1:
-                second = [one for one in named if one.name == name][1]
-                raise second.place.error(f"{count} {what}s have this name", "rename all but one")
-    known = {link.name for link in links}
-    for joint in joints:
-        for role, link in (("parent", joint.parent), ("child", joint.child)):
-            if link not in known:
-                raise joint.place.error(f"its {role} link {link!r} does not exist", "add the link or correct the name")
-
-
-def _check_tree(
-    place: Place, links: Sequence[LinkDescription], joints: Sequence[JointDescription]
-) -> dict[str, JointDescription]:
-    """The joint to each link but the root's, where links and joints do form one tree."""
-    joint_to: dict[str, JointDescription] = {}
-    for joint in joints:
-        if (other := joint_to.setdefault(joint.child, joint)) is not joint:
-            raise joint.place.error(
-                f"link {joint.child!r} already hangs by joint {other.name!r}",
-                "a link has one parent; close loops with art.Loop instead",
-            )
-    roots = [link for link in links if link.name not in joint_to]
-    if not roots:
-        raise place.error("has no root link: its joints form a loop", "some link must hang by no joint")
-    if len(roots) > 1:
-        names = ", ".join(repr(link.name) for link in roots)
-        raise roots[1].place.error(f"the rig has {len(roots)} root links: {names}", "join them, or load them apart")
-    parent_of = {joint.child: joint.parent for joint in joints}
-    reached = {roots[0].name}
-    for link in links:
-        path = []
-        at = link.name
-        while at not in reached:
-            if at in path:
-                loop = path[path.index(at) :]
-                raise joint_to[at].place.error(
-                    f"closes a loop of links: {' -> '.join([*reversed(loop), loop[-1]])}",
-                    "a rig is a tree; close loops with art.Loop instead",
-                )
-            path.append(at)
-            at = parent_of[at]
-        reached.update(path)
-    return joint_to
-
-
-def _resolve_mimics(joints: Sequence[JointDescription]) -> list[JointDescription]:
-    """The same joints, each follower of a follower made to follow the first leader."""
-    by_name = {joint.name: joint for joint in joints}
-
-    def resolved(joint: JointDescription) -> JointDescription:
-        mimic, seen = joint.mimic, [joint.name]
-        if mimic is None:
-            return joint
-        if joint.kind == "fixed":
-            joint.place.warn("is fixed and cannot follow another joint", "its mimic is ignored")
-            return replace(joint, mimic=None)
-        multiplier, offset, leader_name = mimic.multiplier, mimic.offset, mimic.joint
-        while True:
-            leader = by_name.get(leader_name)
-            if leader is None:
-                raise joint.place.error(f"follows joint {leader_name!r}, which does not exist", "correct the mimic")
-            if leader_name in seen:
-                raise joint.place.error(f"follows itself: {' -> '.join([*seen, leader_name])}", "break the circle")
-            if leader.kind == "fixed" or KINDS[leader.kind].nv != 1:
-                raise joint.place.error(
-                    f"follows joint {leader_name!r}, which is {leader.kind}", "follow a joint of one coordinate"
-                )
-            if leader.mimic is None:
-                return replace(joint, mimic=Mimic(leader_name, multiplier, offset))
-            seen.append(leader_name)
-            offset += multiplier * leader.mimic.offset
-            multiplier *= leader.mimic.multiplier
-            leader_name = leader.mimic.joint
-
-    return [resolved(joint) for joint in joints]
 
 
 def _root_joint(root: str, link: str, place: Place) -> JointDescription:

@@ -106,4 +106,4 @@ def _orientation(R: np.ndarray) -> dict[str, str]:
 
 
 def _words(values) -> str:
-    return " ".join(f"{float(value):.17g}" for value in values)
+    return " ".join(repr(float(value)).removesuffix(".0") for value in values)
