@@ -151,6 +151,12 @@ class _States:
     def __init__(self, rig: Rig, rng: np.random.Generator, n: int):
         self.n = n
         self.q, self.q1 = rig.random(rng, n), rig.random(rng, n)
+        for joint in rig.joints.values():
+            if joint.kind == "planar":
+                # ours is unwrapped: compare where Pinocchio's shortest way is the same. Its planar logarithm also drops
+                # θ²/12 below some 1e-3 rad (4.1; integrating its answer misses q1 by 2e-9), so turns are larger than that
+                angle = joint.q_slice.stop - 1
+                self.q1[:, angle] = self.q[:, angle] + rng.choice([-1.0, 1.0], n) * rng.uniform(0.1, 3.0, n)
         self.v, self.a, self.tau = (rng.normal(size=(n, rig.nv)) for _ in range(3))
         self.external = rng.normal(size=(n, rig.nlinks, 6))
         self.link = list(rig.links.values())[rng.integers(rig.nlinks)]
@@ -228,7 +234,7 @@ def _pairs(ref: PinocchioModel, s: _States) -> Iterator[tuple[str, Array, Array]
 
     def jacobian(k: int, link: str, point: Array | None) -> Array:
         frame = ref.frame(link)
-        J = pin.computeFrameJacobian(model, data, qs[k], frame, world)
+        J = pin.computeFrameJacobian(model, data, qs[k], frame, world).reshape(6, -1)  # a vector, if it has one column
         if point is not None:  # v_point = v + ω × r
             pin.framesForwardKinematics(model, data, qs[k])
             J[:3] -= pin.skew(data.oMf[frame].rotation @ point) @ J[3:]
