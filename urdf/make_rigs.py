@@ -59,7 +59,7 @@ class Maker(art.RigBuilder):
 
 def pendulum() -> art.RigBuilder:
     b = Maker("pendulum")
-    b.link("pivot")
+    b.link("pivot", 1.0, inertia=(0.01, 0.01, 0.01))
     b.round("upper", 1.0, art.Capsule(0.03, 0.44), (0, 0, -0.25))
     b.round("lower", 1.0, art.Capsule(0.03, 0.44), (0, 0, -0.25))
     b.joint("shoulder", "ball", "pivot", "upper")
@@ -69,7 +69,7 @@ def pendulum() -> art.RigBuilder:
 
 def cartpole() -> art.RigBuilder:
     b = Maker("cartpole")
-    b.link("rail")
+    b.link("rail", 5.0, inertia=(0.01, 10.0, 10.0))
     b.box("cart", 1.0, (0.3, 0.2, 0.1))
     b.round("pole", 0.1, art.Cylinder(0.02, 1.0), (0, 0, 0.5))
     b.joint("slide", "prismatic", "rail", "cart", axis=(1, 0, 0), limits=art.Limits(-2.4, 2.4, effort=10.0))

@@ -65,10 +65,9 @@ def find_rig(source: str | os.PathLike[str], mesh_dirs: Sequence[Path] = ()) -> 
         if path is None:
             raise RigError(name, None, "", "is in no known package", "set ROS_PACKAGE_PATH or give mesh_dirs")
         return path
-    path = Path(name)
-    if not path.exists() and name in (shipped := shipped_rigs()):
+    if not os.path.exists(name) and name in (shipped := shipped_rigs()):
         return shipped[name]
-    return path
+    return Path(name)
 
 
 def shipped_rigs() -> dict[str, Path]:

@@ -63,7 +63,9 @@ def test_roots(robots, robot, root):
     assert_agrees(PinocchioModel.from_urdf(rig, (robots / robot).read_text()), samples=5)
 
 
-@pytest.mark.parametrize("robot", sorted(REFUSED - {"ur_description/urdf/ur3.urdf", "alex_description/urdf/alex_psyonic_hands.urdf"}))
+@pytest.mark.parametrize(
+    "robot", sorted(REFUSED - {"ur_description/urdf/ur3.urdf", "alex_description/urdf/alex_psyonic_hands.urdf"})
+)
 def test_repaired_robot(robots, robot):
     # massless fingers remain without mass however their inertia is repaired: they are given rotors
     builder = read(robots / robot)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import stat
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -55,11 +56,12 @@ def read_file(path: Path) -> bytes:
     """
     source = str(path)
     try:
-        if path.is_dir():
+        status = path.stat()
+        if stat.S_ISDIR(status.st_mode):
             raise RigError(source, None, "", "is a directory", "name the URDF file in it")
-        if path.exists() and not path.is_file():
+        if not stat.S_ISREG(status.st_mode):
             raise RigError(source, None, "", "is not a regular file", "name a URDF file")
-        check_size(path.stat().st_size, source)
+        check_size(status.st_size, source)
         return path.read_bytes()
     except FileNotFoundError:
         raise RigError(source, None, "", "no such file", "check the path; `articulated rigs` lists shipped rigs") from None
