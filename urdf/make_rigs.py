@@ -161,11 +161,8 @@ def ragdoll() -> art.RigBuilder:
             limits=bend,
             **easy,
         )
-        swing = art.Limits(-0.9, 0.9)
-        b.joint(
-            f"{side}_wrist", "universal", f"{side}_forearm", f"{side}_hand", xyz=(0, 0.26 * y, 0), axis=(1, 0, 0), axis2=(0, 0, 1),
-            limits=swing, **weak,
-        )  # fmt: skip
+        wrist = {"axis": (1, 0, 0), "axis2": (0, 0, 1), "limits": art.Limits(-0.9, 0.9), **weak}
+        b.joint(f"{side}_wrist", "universal", f"{side}_forearm", f"{side}_hand", xyz=(0, 0.26 * y, 0), **wrist)
         b.round(f"{side}_thigh", 7.5, art.Capsule(0.07, 0.27), (0, 0, -0.20))
         b.round(f"{side}_shin", 3.5, art.Capsule(0.05, 0.31), (0, 0, -0.20))
         b.box(f"{side}_foot", 1.1, (0.25, 0.09, 0.06), (0.06, 0, -0.045))
@@ -182,10 +179,8 @@ def ragdoll() -> art.RigBuilder:
             limits=art.Limits(0.0, 2.5),
             **easy,
         )
-        b.joint(
-            f"{side}_ankle", "universal", f"{side}_shin", f"{side}_foot", xyz=(0, 0, -0.43), axis=(0, 1, 0), axis2=(1, 0, 0),
-            limits=art.Limits(-0.7, 0.7), **weak,
-        )  # fmt: skip
+        ankle = {"axis": (0, 1, 0), "axis2": (1, 0, 0), "limits": art.Limits(-0.7, 0.7), **weak}
+        b.joint(f"{side}_ankle", "universal", f"{side}_shin", f"{side}_foot", xyz=(0, 0, -0.43), **ankle)
     return b
 
 

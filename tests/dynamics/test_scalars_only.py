@@ -1,0 +1,135 @@
+"""No algorithm asks for a scalar's value: they run on a scalar that refuses to tell it, and give what floats give."""
+
+from __future__ import annotations
+
+import math
+import operator
+
+import numpy as np
+import pytest
+from random_trees import random_rig
+
+import articulated as art
+from articulated.dynamics import configuration, energy, kinematics, momentum, passive
+from articulated.dynamics.forward_dynamics import forward_dynamics
+from articulated.dynamics.inverse_dynamics import inverse_dynamics
+from articulated.dynamics.jacobian import jacobian
+from articulated.dynamics.mass_matrix import mass_matrix
+from articulated.dynamics.mechanism import mechanism
+from articulated.simulation import dopri5
+from articulated.simulation.forces import Forces
+from articulated.simulation.runge_kutta import RK4, Point, runge_kutta_step
+from articulated.simulation.semi_implicit import semi_implicit_step
+
+
+def _secret(x) -> float:
+    return x._secret if isinstance(x, Opaque) else x
+
+
+def _binary(function):
+    return (
+        lambda self, other: Opaque(function(self._secret, _secret(other))),
+        lambda self, other: Opaque(function(_secret(other), self._secret)),
+    )
+
+
+class Opaque:
+    """A scalar as a tracer sees it: it can be computed with, and nothing else."""
+
+    __array_ufunc__ = None
+    __hash__ = None  # type: ignore[assignment]
+
+    def __init__(self, secret):
+        self._secret = secret
+
+    def _refuse(self, *_):
+        raise AssertionError("an algorithm asked for the value of a scalar")
+
+    __bool__ = __float__ = __int__ = __index__ = __len__ = __iter__ = __abs__ = _refuse
+    __add__, __radd__ = _binary(operator.add)
+    __sub__, __rsub__ = _binary(operator.sub)
+    __mul__, __rmul__ = _binary(operator.mul)
+    __truediv__, __rtruediv__ = _binary(operator.truediv)
+    __lt__, __gt__ = (_binary(f)[0] for f in (operator.lt, operator.gt))
+    __le__, __ge__ = (_binary(f)[0] for f in (operator.le, operator.ge))
+    __eq__ = _binary(operator.eq)[0]  # type: ignore[assignment]
+    __and__, __rand__ = _binary(operator.and_)
+
+    def __neg__(self):
+        return Opaque(-self._secret)
+
+    def where(self, a, b):
+        return Opaque(_secret(a) if self._secret else _secret(b))
+
+    def atan2(self, y, x):
+        return Opaque(math.atan2(_secret(y), _secret(x)))
+
+    def absolute(self):
+        return Opaque(abs(self._secret))
+
+
+for _name in ("sin", "cos", "sqrt", "exp", "log"):
+    setattr(Opaque, _name, lambda self, f=getattr(math, _name): Opaque(f(self._secret)))
+
+
+def hide(x):
+    return [hide(y) for y in x] if isinstance(x, list) else Opaque(x)
+
+
+def reveal(x):
+    if isinstance(x, (list, tuple)):
+        return [reveal(y) for y in x]
+    if isinstance(x, (Point, dopri5.Slope)):
+        return [reveal(y) for y in vars(x).values()]
+    return _secret(x)
+
+
+ALGORITHMS = {
+    "forward_dynamics": lambda m, q, v, f, g: forward_dynamics(m, q, v, f.tau, g, f.external),
+    "inverse_dynamics": lambda m, q, v, f, g: inverse_dynamics(m, q, v, f.tau, g, f.external),
+    "mass_matrix": lambda m, q, v, f, g: mass_matrix(m, q),
+    "jacobian": lambda m, q, v, f, g: jacobian(m, q, -1, v[:3]),
+    "link_poses": lambda m, q, v, f, g: kinematics.link_poses(m, q),
+    "link_velocities": lambda m, q, v, f, g: kinematics.link_velocities(m, q, v),
+    "point_wrench": lambda m, q, v, f, g: kinematics.point_wrench(m, q, -1, v[:3], f.tau[:3], g),
+    "center_of_mass": lambda m, q, v, f, g: momentum.center_of_mass(m, q),
+    "momentum": lambda m, q, v, f, g: momentum.momentum(m, q, v),
+    "kinetic_energy": lambda m, q, v, f, g: energy.kinetic_energy(m, q, v),
+    "potential_energy": lambda m, q, v, f, g: energy.potential_energy(m, q, g),
+    "integrate": lambda m, q, v, f, g: configuration.integrate(m, q, v),
+    "difference": lambda m, q, v, f, g: configuration.difference(m, q, configuration.integrate(m, q, v)),
+    "configuration_rate": lambda m, q, v, f, g: configuration.configuration_rate(m, q, v),
+    "step_rate": lambda m, q, v, f, g: configuration.step_rate(m, f.tau, v),
+    "passive_forces": lambda m, q, v, f, g: passive.passive_forces(m, v),
+    "semi_implicit": lambda m, q, v, f, g: semi_implicit_step(m, Point(q, v, 0.0 * g[0]), f, 0.001),
+    "rk4": lambda m, q, v, f, g: runge_kutta_step(m, RK4, Point(q, v, 0.0 * g[0]), f, 0.001),
+    "dopri5": lambda m, q, v, f, g: list(vars(dopri_step(m, q, v, f, g)).values()),
+    "dopri5, interpolated": lambda m, q, v, f, g: dopri5.interpolated(m, dopri_step(m, q, v, f, g), 0.0005),
+}
+
+
+def dopri_step(m, q, v, f, g):
+    start = dopri5.begin(m, Point(q, v, 0.0 * g[0]), f, 0.001)
+    return dopri5.attempt(m, start, f, 1.0, 1.0, 1e-6, 1e-9, 100)
+
+
+@pytest.mark.parametrize("name", ALGORITHMS)
+@pytest.mark.parametrize("seed", [7, 10, 2002])
+def test_algorithm(name, seed):
+    rig = random_rig(seed, mimic=True, armature=seed % 2 == 0, size=9).with_joints(damping=0.1, friction=0.1)
+    m, rng = mechanism(rig), np.random.default_rng(seed)
+    q, v, tau, external, g = (
+        x.tolist()
+        for x in (rig.random(rng), *rng.normal(size=(2, rig.nv)), rng.normal(size=(rig.nlinks, 6)), rng.normal(size=3))
+    )
+    run = ALGORITHMS[name]
+    plain = run(m, q, v, Forces(tau, external, g), g)
+    hidden = run(m, hide(q), hide(v), Forces(hide(tau), hide(external), hide(g)), hide(g))
+    assert reveal(hidden) == reveal(plain)
+
+
+def test_the_probe_would_notice():
+    with pytest.raises(AssertionError, match="asked for the value"):
+        if Opaque(1.0) > 0.0:
+            pass
+    assert art.__version__
