@@ -55,6 +55,13 @@ def atan2(y: Scalar, x: Scalar) -> Scalar:
     return math.atan2(y, x)
 
 
+def reciprocal(x: Scalar) -> Scalar:
+    """1/x; of the float 0 it is infinite, as of an array's."""
+    if isinstance(x, float) and x == 0.0:
+        return math.copysign(math.inf, x)
+    return 1.0 / x
+
+
 def where(condition: Scalar, a: Scalar, b: Scalar) -> Scalar:
     """`a` where the condition holds, else `b`. Both are evaluated: keep each free of a division by zero."""
     if isinstance(condition, (bool, np.bool_)):

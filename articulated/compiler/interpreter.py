@@ -33,13 +33,10 @@ def evaluate(
     """
     values = result.reshape(*batch, -1)  # a view: callers give contiguous results
     if not batch and result.dtype == np.float64:
-        try:
-            scalars = [None if array is None else array.tolist() for array, _ in arguments]
-            for k, x in enumerate(_flattened(algorithm(*scalars))):
-                values[k] = x
-            return
-        except (ZeroDivisionError, OverflowError):
-            pass  # numpy gives inf and nan, which is what the caller reports
+        scalars = [None if array is None else array.tolist() for array, _ in arguments]
+        for k, x in enumerate(_flattened(algorithm(*scalars))):
+            values[k] = x
+        return
     columns = [None if array is None else _columns(array, core) for array, core in arguments]
     with np.errstate(all="ignore"):
         for k, x in enumerate(_flattened(algorithm(*columns))):

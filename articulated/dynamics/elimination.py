@@ -16,7 +16,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 
-from articulated.scalar import Scalar, is_zero
+from articulated.scalar import Scalar, is_zero, reciprocal
 from articulated.spatial import ArticulatedInertia, Force, Motion, Pose, UnitMotion
 
 
@@ -95,7 +95,7 @@ class Elimination:
         coordinates = list(coordinates)
         for s in reversed(coordinates):
             row = self.rows.pop(s)
-            Dinv = 1.0 / row.D[s]
+            Dinv = reciprocal(row.D[s])
             Ud = row.U * Dinv
             others = {t: d for t, d in row.D.items() if t != s}
             for t, d in others.items():

@@ -167,7 +167,7 @@ def _error(mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], 
         size_v = maximum(absolute(start.v[n]), absolute(end.v[n]))
         a, b = e_step / (atol + rtol), e_v / (atol + rtol * size_v)
         total = total + a * a + b * b
-    return sqrt(total / (2 * mechanism.nv))
+    return sqrt(total / max(1, 2 * mechanism.nv))
 
 
 def _chosen(condition: Scalar, a: Point, b: Point) -> Point:

@@ -19,6 +19,9 @@ from articulated.simulation.control import Schedule
 from articulated.simulation.steppers import INTEGRATORS, Stepper
 from articulated.trajectory import Outcome, Trajectory
 
+_LARGEST = 1e100
+"""A state with larger numbers than this has diverged."""
+
 Control = ArrayLike | Callable[[float, "State"], ArrayLike] | None
 
 
@@ -191,8 +194,10 @@ class Simulation:
         return make(self._mechanism, state, h, self.rtol, self.atol, self.max_steps)
 
     def _trajectory(self, record: _Record, time: np.ndarray, stepper: Stepper, h: float) -> Trajectory:
-        # a state that overflowed has no energy; say so once, below
-        finite = np.asarray(np.isfinite(record.q).all(axis=-1) & np.isfinite(record.v).all(axis=-1))
+        # a state that overflowed, or whose energy would, has none; this is said once, below
+        with np.errstate(invalid="ignore"):
+            finite = (np.abs(record.q) < _LARGEST).all(axis=-1) & (np.abs(record.v) < _LARGEST).all(axis=-1)
+        finite = np.asarray(finite)
         q = np.where(finite[..., None], record.q, self.rig.neutral())
         v = np.where(finite[..., None], record.v, 0.0)
         kinetic = np.where(finite, kinetic_energy(self.rig, q, v), np.nan)

@@ -8,6 +8,7 @@ import os
 import tempfile
 import warnings
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -38,23 +39,26 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     """See `Trajectory.load`."""
     name = os.fspath(path)
     try:
-        with np.load(path, allow_pickle=False) as data:
-            about = json.loads(str(data["about"]))
-            if about["format"] > FORMAT:
-                raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
+            content = {key: data[key] for key in ("about", "rig", *_ARRAYS)}
+        about = json.loads(str(content["about"]))
+        later, root, settings = about["format"] > FORMAT, about["root"], about["settings"]
+        if not later:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RigWarning)  # all was said when the rig was first loaded
-                rig = load_rig(str(data["rig"]), about["root"])
-            arrays = {key: data[key] for key in _ARRAYS}
+                rig = load_rig(str(content["rig"]), root)
     except FileNotFoundError:
         raise
-    except (OSError, EOFError, KeyError, AttributeError, TypeError, zipfile.BadZipFile, json.JSONDecodeError) as error:
+    except (OSError, EOFError, KeyError, AttributeError, TypeError, ValueError, zipfile.BadZipFile, zlib.error) as error:
         raise ValueError(f"{name} is not a trajectory, or is damaged ({type(error).__name__}: {error})") from None
+    if later:
+        raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
+    arrays = {key: content[key] for key in _ARRAYS}
     frames = len(arrays["time"])
     for key, width in (("q", rig.nq), ("v", rig.nv), ("tau", rig.nv)):
         if arrays[key].shape != (*arrays["outcome"].shape, frames, width):
             raise ValueError(f"{name} is damaged: {key} has shape {arrays[key].shape}")
-    return Trajectory(rig=rig, settings=about["settings"], **arrays)
+    return Trajectory(rig=rig, settings=settings, **arrays)
 
 
 def export(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from random_trees import random_rig
 
-import articulated as art
 from articulated.dynamics import configuration, energy, kinematics, momentum, passive
 from articulated.dynamics.forward_dynamics import forward_dynamics
 from articulated.dynamics.inverse_dynamics import inverse_dynamics
@@ -68,8 +67,12 @@ class Opaque:
         return Opaque(abs(self._secret))
 
 
+def _unary(function):
+    return lambda self: Opaque(function(self._secret))
+
+
 for _name in ("sin", "cos", "sqrt", "exp", "log"):
-    setattr(Opaque, _name, lambda self, f=getattr(math, _name): Opaque(f(self._secret)))
+    setattr(Opaque, _name, _unary(getattr(math, _name)))
 
 
 def hide(x):
@@ -130,6 +133,4 @@ def test_algorithm(name, seed):
 
 def test_the_probe_would_notice():
     with pytest.raises(AssertionError, match="asked for the value"):
-        if Opaque(1.0) > 0.0:
-            pass
-    assert art.__version__
+        bool(Opaque(1.0) > 0.0)
