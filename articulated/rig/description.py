@@ -17,6 +17,9 @@ FARTHEST = 50.0
 LARGEST_LIMIT = 8.0 * math.pi
 """An angle limit beyond this [rad] was probably given in degrees."""
 
+LARGEST = 1e30
+"""No number of a rig is larger, and no mass smaller than its inverse: products of a few of them must stay finite."""
+
 INERTIA_TOLERANCE = 1e-3
 """How far, relative to its largest moment, an inertia may violate the triangle inequality: digits cut from a file."""
 
@@ -58,7 +61,7 @@ def check_link(link: LinkDescription) -> None:
     place = link.place
     if not link.name:
         raise place.error("has no name", "name it")
-    if not math.isfinite(link.mass) or link.mass < 0.0:
+    if not (link.mass == 0.0 or 1.0 / LARGEST <= link.mass <= LARGEST):  # false for NaN
         raise place.error(f"mass is {link.mass:g}", "give a positive number of kilograms, or no inertial for a mere frame")
     _check_finite(place, "centre of mass", link.center)
     _check_finite(place, "inertia", link.inertia)
@@ -67,7 +70,7 @@ def check_link(link: LinkDescription) -> None:
     if link.mass == 0.0 and np.any(link.inertia):
         place.warn("has a rotational inertia but no mass", "give it a mass")
     if link.mass > 0.0:
-        gyration = math.sqrt(np.abs(link.inertia).max() / link.mass)
+        gyration = math.sqrt(float(np.abs(link.inertia).max()) / link.mass)
         if gyration > FARTHEST or np.linalg.norm(link.center) > FARTHEST:
             place.warn(f"{link.mass:g} kg is spread over more than {FARTHEST:g} m", "units are metres, kilograms and kg m²")
     for shape in (*link.collisions, *link.visuals):
@@ -128,6 +131,8 @@ def repaired(inertia: np.ndarray) -> np.ndarray:
 def _check_finite(place: Place, what: str, values: np.ndarray) -> None:
     if not np.all(np.isfinite(values)):
         raise place.error(f"{what} is not finite", "give finite numbers")
+    if np.abs(values).max() > LARGEST:
+        raise place.error(f"{what} holds {np.abs(values).max():g}", f"give numbers of less than {LARGEST:g}")
 
 
 def _check_axes(joint: JointDescription) -> None:
@@ -171,7 +176,7 @@ def _check_shape(place: Place, shape: Shape) -> None:
     sizes = dimensions(shape.geometry)
     kind = type(shape.geometry).__name__.lower()
     _check_finite(place, f"pose of its {kind}", shape.pose)
-    if not all(math.isfinite(size) for size in sizes):
+    if not all(abs(size) <= LARGEST for size in sizes):  # false for NaN
         raise place.error(f"{kind} has size {sizes}", "give finite numbers")
     if isinstance(shape.geometry, Mesh):
         if 0.0 in sizes:

@@ -68,7 +68,7 @@ class Simulation:
     substeps: int = 1
     rtol: float = 1e-6
     atol: float = 1e-9
-    max_steps: int = 1_000_000
+    max_steps: int = 100_000
     threads: int | None = None
     _gravity: tuple[float, float, float] = field(init=False, repr=False)
     _mechanism: Mechanism = field(init=False, repr=False)

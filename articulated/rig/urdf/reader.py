@@ -132,8 +132,9 @@ class _Reader:
             xx, xy, xz, yy, yz, zz = (moments.number(key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
             R = pose[:3, :3]
             center = pose[:3, 3]
-            inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
-            inertia = 0.5 * (inertia + inertia.T)
+            with np.errstate(over="ignore", invalid="ignore"):  # too large a number is refused with the link
+                inertia = R @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ R.T
+                inertia = 0.5 * (inertia + inertia.T)
         self.builder.link(
             node.need_text("name"),
             mass,
