@@ -4,7 +4,7 @@ All take arrays whose leading axes are a batch of states, shape (..., n), and br
 or in float32 if every array that they are given is float32. Every one of them also takes:
 
     out: an array for the result, of its shape and type; it is returned.
-    threads: how many threads share a batch; None is as many as there are cores.
+    threads: how many threads may share a batch; None is as many as there are cores. Interpreted runs take one.
 
 And every one raises ValueError if an array does not fit the rig, is not finite or does not broadcast, or if a quaternion in q
 is not of unit length; and warns (RuntimeWarning) if a result is not finite.

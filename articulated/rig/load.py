@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 from articulated.rig.builder import RigBuilder
@@ -65,8 +66,12 @@ def find_rig(source: str | os.PathLike[str], mesh_dirs: Sequence[Path] = ()) -> 
         if path is None:
             raise RigError(name, None, "", "is in no known package", "set ROS_PACKAGE_PATH or give mesh_dirs")
         return path
-    if not os.path.exists(name) and name in (shipped := shipped_rigs()):
-        return shipped[name]
+    if not os.path.exists(name):
+        shipped = shipped_rigs()
+        if name in shipped:
+            return shipped[name]
+        if close := get_close_matches(name, shipped, n=1):
+            raise RigError(name, None, "", "no such file", f"did you mean the shipped rig {close[0]!r}?")
     return Path(name)
 
 

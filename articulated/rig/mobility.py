@@ -10,17 +10,14 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from articulated.rig.description import JointDescription
 from articulated.rig.frames import rotation_with_z_along
 from articulated.rig.joint import KINDS
+from articulated.rig.members import Member
 from articulated.rig.rig import Body
-
-if TYPE_CHECKING:
-    from articulated.rig.assembly import Member
-    from articulated.rig.description import JointDescription
 
 _ZERO = 1e-9
 """Below this, relative to a body's own size and mass, an inertia or an angle between subspaces counts as zero."""

@@ -1,7 +1,8 @@
 """Moving a rig in time."""
 
 from articulated.simulation.first_order import FirstOrder, first_order
-from articulated.simulation.simulation import Simulation, State, simulate
+from articulated.simulation.simulation import Simulation, simulate
+from articulated.simulation.state import State
 from articulated.simulation.steppers import INTEGRATORS
 
 __all__ = ["INTEGRATORS", "FirstOrder", "Simulation", "State", "first_order", "simulate"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -10,9 +10,7 @@ from articulated.dynamics.boundary import Argument, checked
 from articulated.rig import Rig
 from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces
-
-if TYPE_CHECKING:
-    from articulated.simulation.simulation import State
+from articulated.simulation.state import State
 
 
 class Schedule:

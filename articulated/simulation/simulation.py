@@ -16,30 +16,14 @@ from articulated.dynamics.functions import kinetic_energy, potential_energy
 from articulated.dynamics.mechanism import Mechanism, mechanism
 from articulated.rig import Rig
 from articulated.simulation.control import Schedule
+from articulated.simulation.state import State
 from articulated.simulation.steppers import INTEGRATORS, Stepper
 from articulated.trajectory import Outcome, Trajectory
 
 _LARGEST = 1e100
 """A state with larger numbers than this has diverged."""
 
-Control = ArrayLike | Callable[[float, "State"], ArrayLike] | None
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """One moment of one state or of a batch.
-
-    Attributes:
-        time: since the start [s].
-        q: configurations, shape (..., nq).
-        v: generalized velocities, shape (..., nv).
-        work: done since the start by all forces but weight, shape (...) [J].
-    """
-
-    time: float
-    q: np.ndarray
-    v: np.ndarray
-    work: np.ndarray
+Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
 
 
 @dataclass(frozen=True, eq=False)

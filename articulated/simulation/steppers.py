@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,10 +15,8 @@ from articulated.simulation.control import column_lists
 from articulated.simulation.forces import Forces
 from articulated.simulation.runge_kutta import EULER, MIDPOINT, RK4, Point, runge_kutta_step
 from articulated.simulation.semi_implicit import semi_implicit_step
+from articulated.simulation.state import State
 from articulated.trajectory import Outcome
-
-if TYPE_CHECKING:
-    from articulated.simulation.simulation import State
 
 Step = Callable[[Mechanism, Point, Forces, Scalar], Point]
 
@@ -115,8 +113,6 @@ def _point(state: State) -> Point:
 
 
 def _state(point: Point, time: float, batch: tuple[int, ...]) -> State:
-    from articulated.simulation.simulation import State
-
     q, v, work = np.empty((*batch, len(point.q))), np.empty((*batch, len(point.v))), np.empty(batch)
     for k, x in enumerate(point.q):
         q[..., k] = x

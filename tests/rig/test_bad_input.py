@@ -320,6 +320,11 @@ def test_no_such_file():
         art.load("nowhere.urdf")
 
 
+def test_a_misspelt_shipped_rig():
+    with pytest.raises(art.RigError, match=r"ragdol: no such file; did you mean the shipped rig 'ragdoll'\?"):
+        art.load("ragdol")
+
+
 def test_directory(tmp_path):
     with pytest.raises(art.RigError, match=r"is a directory; name the URDF file in it"):
         art.load(tmp_path)
