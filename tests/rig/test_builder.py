@@ -253,6 +253,15 @@ class TestShapesAndAdditions:
         np.testing.assert_allclose(shape.pose, [[-1, 0, 0, 1], [0, -1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]], atol=1e-15)
         assert rig.joints["j"].limits == art.Limits(-1, 1, 2, 3, 4, 5, 6)
 
+    def test_an_inertia_in_turned_axes(self):
+        rig = art.load(
+            """<robot name="turned"><link name="a"><inertial><origin xyz="1 2 3" rpy="0 0 1.5707963267948966"/>
+            <mass value="1"/><inertia ixx="1" ixy="0.1" ixz="0" iyy="2" iyz="0.2" izz="2.5"/></inertial></link></robot>"""
+        )
+        np.testing.assert_allclose(rig.links["a"].center, [1, 2, 3])
+        # x becomes y, y becomes -x
+        np.testing.assert_allclose(rig.links["a"].inertia, [[2, -0.1, -0.2], [-0.1, 1, 0], [-0.2, 0, 2.5]], atol=1e-15)
+
     def test_colors_by_name(self):
         rig = art.load(
             """<robot name="c"><material name="red"><color rgba="1 0 0 1"/></material>
