@@ -83,7 +83,7 @@ class TestPose:
         np.testing.assert_allclose(motion_matrix(X @ X.inverse()), np.eye(6), atol=1e-14)
 
     def test_inertias(self, rng):
-        X, E = random_pose(rng), None
+        X = random_pose(rng)
         E = np.linalg.inv(motion_matrix(X))
         for I, moved in ((random_rigid(rng), X.rigid_to_parent), (random_articulated(rng), X.articulated_to_parent)):
             np.testing.assert_allclose(dense(moved(I)), E.T @ dense(I) @ E, atol=1e-13)
