@@ -32,22 +32,19 @@ def evaluate(
         batch: the leading axes.
     """
     values = result.reshape(*batch, -1)  # a view: callers give contiguous results
-    if not batch and result.dtype == np.float64:
-        scalars = [None if array is None else array.tolist() for array, _ in arguments]
-        for k, x in enumerate(_flattened(algorithm(*scalars))):
-            values[k] = x
-        return
-    columns = [None if array is None else _columns(array, core) for array, core in arguments]
+    scalars = [None if array is None else as_scalars(array, core) for array, core in arguments]
     with np.errstate(all="ignore"):
-        for k, x in enumerate(_flattened(algorithm(*columns))):
+        for k, x in enumerate(_flattened(algorithm(*scalars))):
             values[..., k] = x
 
 
-def _columns(array: np.ndarray, core: int) -> Nested:
-    """Nested lists over the last `core` axes, of contiguous arrays over the others."""
+def as_scalars(array: np.ndarray, core: int) -> Nested:
+    """The last `core` axes as nested lists: of floats for one state in float64, else of an array for each scalar."""
+    if array.ndim == core and array.dtype == np.float64:
+        return array.tolist()
     if core == 0:
         return np.ascontiguousarray(array)
-    return [_columns(array[(..., k, *[slice(None)] * (core - 1))], core - 1) for k in range(array.shape[-core])]
+    return [as_scalars(array[(..., k, *[slice(None)] * (core - 1))], core - 1) for k in range(array.shape[-core])]
 
 
 def _flattened(nested: Nested) -> Iterator[Scalar]:

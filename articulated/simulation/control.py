@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
+from articulated.compiler import as_scalars
 from articulated.dynamics.boundary import Argument, checked
 from articulated.rig import Rig
-from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces
 from articulated.simulation.state import State
 
@@ -48,9 +48,7 @@ class Schedule:
             if self._control.value is not None:
                 self.tau = self._control.value
             external = self._external.value
-            self._forces = Forces(
-                column_lists(self.tau, 1), None if external is None else column_lists(external, 2), self.gravity
-            )
+            self._forces = Forces(as_scalars(self.tau, 1), None if external is None else as_scalars(external, 2), self.gravity)
         return self._forces
 
 
@@ -105,12 +103,3 @@ class _Signal:
         except ValueError:
             wanted = ", ".join(map(str, (*self.batch, *self.shape)))
             raise ValueError(f"{self.name} has shape {array.shape}; it does not broadcast to the states' ({wanted})") from None
-
-
-def column_lists(array: np.ndarray, core: int) -> list[Scalar]:
-    """The last `core` axes as nested lists: of floats for one state, of arrays for a batch."""
-    if array.ndim == core:
-        return array.tolist()
-    if core == 0:
-        return np.ascontiguousarray(array)  # type: ignore[return-value]
-    return [column_lists(array[(..., k, *[slice(None)] * (core - 1))], core - 1) for k in range(array.shape[-core])]

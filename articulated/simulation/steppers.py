@@ -8,10 +8,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from articulated.compiler import as_scalars
 from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Scalar
 from articulated.simulation import dopri5
-from articulated.simulation.control import column_lists
 from articulated.simulation.forces import Forces
 from articulated.simulation.runge_kutta import EULER, MIDPOINT, RK4, Point, runge_kutta_step
 from articulated.simulation.semi_implicit import semi_implicit_step
@@ -109,7 +109,7 @@ INTEGRATORS: dict[str, Callable[..., Stepper]] = {
 
 
 def _point(state: State) -> Point:
-    return Point(column_lists(state.q, 1), column_lists(state.v, 1), column_lists(state.work, 0))
+    return Point(as_scalars(state.q, 1), as_scalars(state.v, 1), as_scalars(state.work, 0))
 
 
 def _state(point: Point, time: float, batch: tuple[int, ...]) -> State:
