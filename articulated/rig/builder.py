@@ -33,6 +33,7 @@ class RigBuilder:
         """Start a rig of this name; `source` is the file that errors speak of."""
         self.name = name
         self.source = source
+        self.place = Place(source or f"rig {name!r}")
         self.ignored: dict[str, int] = {}
         self._links: list[LinkDescription] = []
         self._joints: list[JointDescription] = []
@@ -146,8 +147,7 @@ class RigBuilder:
         """
         if root not in ("fixed", "free", "planar"):
             raise ValueError(f"root is {root!r}; expected 'fixed', 'free' or 'planar'")
-        place = Place(self.source or f"rig {self.name!r}")
-        return assemble(self.name, place, self._links, self._joints, root, repair_inertia, self.source, self.ignored)
+        return assemble(self.name, self.place, self._links, self._joints, root, repair_inertia, self.source, self.ignored)
 
 
 def _number(place: Place, what: str, value: Any) -> float:

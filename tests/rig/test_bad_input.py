@@ -55,7 +55,7 @@ REFUSED = {
         '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n<xacro:include filename="x"/></robot>',
         r"<text>:2: <xacro:include>: is a macro, not URDF; expand the file with xacro",
     ),
-    "no links": (robot(), r"has no links"),
+    "no links": (robot(), r"<text>:1: <robot>: has no links"),
     # names
     "link without a name": (robot("<link/>"), r"<text>:2: <link>: has no name"),
     "joint without a name": (robot(BASE, ARM, '<joint type="fixed"/>'), r"<text>:4: <joint>: has no name"),

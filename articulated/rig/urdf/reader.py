@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,7 @@ class _Reader:
         self.missing: dict[str, Place] = {}
         self.colors: dict[str, Color] = {}
         self.builder = RigBuilder(robot.text("name") or Path(source).stem, source)
+        self.builder.place = replace(robot.place, element="<robot>")
 
     def read(self) -> RigBuilder:
         self._check_expanded()
