@@ -16,7 +16,6 @@ import numpy as np
 
 from articulated.compiler import evaluate
 from articulated.rig import Link, Rig
-from articulated.rig.joint import KINDS
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Standard gravity [m/s²], z up."""
@@ -134,16 +133,14 @@ def _broadcast_batch(rig: Rig, given: Sequence[tuple[np.ndarray, Argument]]) -> 
 
 
 def _check_quaternions(rig: Rig, name: str, q: np.ndarray) -> None:
-    for joint in rig.joints.values():
-        if joint.mimic or KINDS[joint.kind].nq == KINDS[joint.kind].nv:
-            continue
-        quat = q[..., joint.q_slice.stop - 4 : joint.q_slice.stop]
+    for joint, where in rig.quaternions.items():
+        quat = q[..., where]
         norm = np.sqrt((quat * quat).sum(axis=-1))
         wrong = np.abs(norm - 1.0) > _NORM_TOLERANCE[q.dtype]
         if np.any(wrong):
             state = tuple(int(k) for k in np.argwhere(wrong)[0])
             raise ValueError(
-                f"{name}: the quaternion of joint {joint.name!r} has norm {norm[state]:.6g}"
+                f"{name}: the quaternion of joint {joint!r} has norm {norm[state]:.6g}"
                 f"{f' in state {list(state)}' if state else ''}; expected 1, scalar last (xyzw); divide it by its norm"
             )
 

@@ -54,7 +54,7 @@ def assemble(
         links = [_repair(link) for link in links]
 
     members = walk(root_link, links, joints)
-    bodies = _bodies(members, place)
+    bodies = _bodies(members)
     check_mobility(members, bodies)
     rig_joints = _joints(members)
     return Rig(
@@ -108,7 +108,7 @@ def _about_origin(member: Member) -> _Sum:
     return _Sum(mass, mass * c, J)
 
 
-def _bodies(members: Sequence[Member], place: Place) -> list[Body]:
+def _bodies(members: Sequence[Member]) -> list[Body]:
     parts: dict[int, list[Member]] = {}
     for member in members:
         parts.setdefault(member.body, []).append(member)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -48,9 +47,8 @@ def walk(root: LinkDescription, links: Sequence[LinkDescription], joints: Sequen
 
     members: list[Member] = []
     nbodies = 0
-    to_visit: deque[tuple[LinkDescription, JointDescription | None, Member | None]] = deque()
     first_joint = next(iter(children.get("", [])), None)
-    to_visit.append((root, first_joint, None))
+    to_visit: list[tuple[LinkDescription, JointDescription | None, Member | None]] = [(root, first_joint, None)]
     while to_visit:
         link, joint, parent = to_visit.pop()
         member = _member(link, joint, parent, nbodies)

@@ -154,6 +154,15 @@ class Rig:
         return self._position_limit(lambda joint: joint.limits.upper, math.inf)
 
     @property
+    def quaternions(self) -> dict[str, slice]:
+        """Where the quaternions (xyzw) of ball and floating joints stand in q, by joint."""
+        return {
+            joint.name: slice(joint.q_slice.stop - 4, joint.q_slice.stop)
+            for joint in self.joints.values()
+            if joint.nq > joint.nv
+        }
+
+    @property
     def q_names(self) -> list[str]:
         """A name for each entry of q: the joint's, with ".x" or the like where it has several."""
         return self._names(lambda kind: kind.q_names)

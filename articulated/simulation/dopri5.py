@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from articulated.dynamics.configuration import integrate, step_rate
+from articulated.dynamics.configuration import step_rate
 from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Scalar, absolute, exp, log, maximum, minimum, sqrt, where
-from articulated.simulation.forces import Forces, acceleration, power
+from articulated.simulation.forces import Forces, acceleration_and_power
 from articulated.simulation.runge_kutta import Point, Slope, Tableau, moved, stage
 
 DOPRI5 = Tableau(
@@ -24,7 +24,6 @@ DOPRI5 = Tableau(
         (9017 / 3168, -355 / 33, 46732 / 5247, 49 / 176, -5103 / 18656),
     ),
     (35 / 384, 0.0, 500 / 1113, 125 / 192, -2187 / 6784, 11 / 84),
-    5,
 )
 _ERROR = (71 / 57600, 0.0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40)
 """Weights of the difference to the embedded method of order 4; the seventh slope is the next step's first."""
@@ -83,7 +82,7 @@ def restarted(mechanism: Mechanism, state: Adaptive, forces: Forces) -> Adaptive
 
 def first_slope(mechanism: Mechanism, at: Point, forces: Forces) -> Slope:
     """The slope at a point."""
-    return Slope(at.v, acceleration(mechanism, at.q, at.v, forces), power(mechanism, at.q, at.v, forces))
+    return Slope(at.v, *acceleration_and_power(mechanism, at.q, at.v, forces))
 
 
 def under_way(state: Adaptive, t_end: Scalar, max_steps: int) -> Scalar:
@@ -110,10 +109,12 @@ def attempt(
     slopes = [state.slope]
     for row in DOPRI5.a[1:]:
         slopes.append(stage(mechanism, state.at, row, slopes, forces, h))
-    _, arrived = moved(mechanism, state.at, DOPRI5.b, slopes, h)
-    slopes.append(first_slope(mechanism, arrived, forces))
-    last = _end_seen_from_start(mechanism, state.at, slopes, h, arrived)
-    error = _error(mechanism, state.at, arrived, [*slopes[:-1], last], h, rtol, atol)
+    step, arrived = moved(mechanism, state.at, DOPRI5.b, slopes, h)
+    assert step is not None
+    next_slope = first_slope(mechanism, arrived, forces)
+    # the same slope as seen from the start of the step is what error and dense output need
+    slopes.append(replace(next_slope, step=step_rate(mechanism, step, arrived.v)))
+    error = _error(mechanism, state.at, arrived, slopes, h, rtol, atol)
 
     accept = active & (error <= 1.0)
     factor = _SAFETY * exp(-0.2 * log(maximum(error, 1e-8)))
@@ -126,11 +127,11 @@ def attempt(
     return Adaptive(
         t=where(accept, t, state.t),
         at=_chosen(accept, arrived, state.at),
-        slope=_chosen_slope(accept, slopes[-1], state.slope),
+        slope=_chosen_slope(accept, next_slope, state.slope),
         h=where(active, h_next, state.h),
         t0=where(accept, state.t, state.t0),
         start=_chosen(accept, state.at, state.start),
-        slopes=[_chosen_slope(accept, a, b) for a, b in zip([*slopes[:-1], last], state.slopes, strict=True)],
+        slopes=[_chosen_slope(accept, a, b) for a, b in zip(slopes, state.slopes, strict=True)],
         taken=where(accept, h, state.taken),
         steps=where(active, state.steps + 1.0, state.steps),
         failed=where(too_short, 1.0, state.failed),
@@ -142,19 +143,8 @@ def interpolated(mechanism: Mechanism, state: Adaptive, t: Scalar) -> Point:
     s = (t - state.t0) / state.taken
     weights = [s * s * (a + s * (b + s * c)) for a, b, c in _DENSE]
     weights[0] = weights[0] + s
-    h = state.taken
-    step = [h * sum(w * k.step[n] for w, k in zip(weights, state.slopes, strict=True)) for n in range(mechanism.nv)]
-    v = [x + h * sum(w * k.v[n] for w, k in zip(weights, state.slopes, strict=True)) for n, x in enumerate(state.start.v)]
-    work = state.start.work + h * sum(w * k.work for w, k in zip(weights, state.slopes, strict=True))
-    between = Point(integrate(mechanism, state.start.q, step), v, work)
+    _, between = moved(mechanism, state.start, weights, state.slopes, state.taken)
     return _chosen(state.t == t, state.at, between)
-
-
-def _end_seen_from_start(mechanism: Mechanism, start: Point, slopes: list[Slope], h: Scalar, end: Point) -> Slope:
-    """The slope at the end of a step, its `step` part as seen from the start: what error and dense output need."""
-    step, _ = moved(mechanism, start, DOPRI5.b, slopes[:-1], h)
-    assert step is not None
-    return Slope(step_rate(mechanism, step, end.v), slopes[-1].v, slopes[-1].work)
 
 
 def _error(mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: float, atol: float) -> Scalar:

@@ -12,8 +12,7 @@ from articulated.dynamics.boundary import GRAVITY, Argument, checked
 from articulated.dynamics.configuration import configuration_rate
 from articulated.dynamics.mechanism import mechanism
 from articulated.rig import Rig
-from articulated.rig.joint import KINDS
-from articulated.simulation.forces import Forces, acceleration
+from articulated.simulation.forces import Forces, acceleration_and_power
 
 
 class FirstOrder:
@@ -54,7 +53,8 @@ class FirstOrder:
         m = self._mechanism
 
         def algorithm(q, v, tau, external, gravity):
-            return [*configuration_rate(m, q, v), *acceleration(m, q, v, Forces(tau, external, gravity))]
+            a, _ = acceleration_and_power(m, q, v, Forces(tau, external, gravity))
+            return [*configuration_rate(m, q, v), *a]
 
         batch = columns.shape[:-1]
         result = np.empty(columns.shape)
@@ -78,10 +78,8 @@ class FirstOrder:
                 f"y has {columns.shape[-1]} rows; expected nq + nv = {self.rig.nq + self.rig.nv} for rig {self.rig.name!r}"
             )
         q, v = columns[..., : self.rig.nq].copy(), columns[..., self.rig.nq :]
-        for joint in self.rig.joints.values():
-            if not joint.mimic and KINDS[joint.kind].nq > KINDS[joint.kind].nv:
-                quat = q[..., joint.q_slice.stop - 4 : joint.q_slice.stop]
-                quat /= np.linalg.norm(quat, axis=-1, keepdims=True)
+        for where in self.rig.quaternions.values():
+            q[..., where] /= np.linalg.norm(q[..., where], axis=-1, keepdims=True)
         return q, v
 
     def _given(self, what, name: str, shape: tuple[int, ...], t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray | None:

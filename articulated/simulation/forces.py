@@ -27,16 +27,13 @@ class Forces:
     gravity: Sequence[Scalar]
 
 
-def acceleration(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> list[Scalar]:
-    """v̇ under these forces and the joints' own damping and friction."""
+def acceleration_and_power(
+    mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces
+) -> tuple[list[Scalar], Scalar]:
+    """v̇ under these forces and the joints' own damping and friction; and the power of all of them but weight."""
     tau = [a + b for a, b in zip(forces.tau, passive_forces(mechanism, v), strict=True)]
-    return forward_dynamics(mechanism, q, v, tau, forces.gravity, forces.external)
-
-
-def power(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> Scalar:
-    """The power of all forces but weight: the rate of kinetic plus potential energy."""
-    tau = [a + b for a, b in zip(forces.tau, passive_forces(mechanism, v), strict=True)]
-    return dot(tau, v) + external_power(mechanism, q, v, forces)
+    a = forward_dynamics(mechanism, q, v, tau, forces.gravity, forces.external)
+    return a, dot(tau, v) + external_power(mechanism, q, v, forces)
 
 
 def external_power(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> Scalar:

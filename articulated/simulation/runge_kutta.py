@@ -11,22 +11,21 @@ from dataclasses import dataclass
 
 from articulated.dynamics.configuration import integrate, step_rate
 from articulated.dynamics.mechanism import Mechanism
-from articulated.scalar import Scalar
-from articulated.simulation.forces import Forces, acceleration, power
+from articulated.scalar import Scalar, is_zero
+from articulated.simulation.forces import Forces, acceleration_and_power
 
 
 @dataclass(frozen=True)
 class Tableau:
-    """An explicit method: stages a, weights b, and their order."""
+    """An explicit method: stages a and weights b."""
 
     a: tuple[tuple[float, ...], ...]
     b: tuple[float, ...]
-    order: int
 
 
-EULER = Tableau(((),), (1.0,), 1)
-MIDPOINT = Tableau(((), (1 / 2,)), (0.0, 1.0), 2)
-RK4 = Tableau(((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6), 4)
+EULER = Tableau(((),), (1.0,))
+MIDPOINT = Tableau(((), (1 / 2,)), (0.0, 1.0))
+RK4 = Tableau(((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,14 +65,14 @@ def stage(
     """The slope at the stage that these earlier slopes, so weighted, lead to."""
     step, at = moved(mechanism, start, row, slopes, h)
     rate = at.v if step is None else step_rate(mechanism, step, at.v)
-    return Slope(rate, acceleration(mechanism, at.q, at.v, forces), power(mechanism, at.q, at.v, forces))
+    return Slope(rate, *acceleration_and_power(mechanism, at.q, at.v, forces))
 
 
 def moved(
-    mechanism: Mechanism, start: Point, weights: Sequence[float], slopes: Sequence[Slope], h: Scalar
+    mechanism: Mechanism, start: Point, weights: Sequence[Scalar], slopes: Sequence[Slope], h: Scalar
 ) -> tuple[list[Scalar] | None, Point]:
     """The step h Σ w_i k_i from a point (None if there is none), and where it leads."""
-    weighted = [(w, slope) for w, slope in zip(weights, slopes, strict=True) if w != 0.0]
+    weighted = [(w, slope) for w, slope in zip(weights, slopes, strict=True) if not is_zero(w)]
     if not weighted:
         return None, start
     step = [h * sum(w * k.step[n] for w, k in weighted) for n in range(mechanism.nv)]

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from articulated.rig import Rig
-from articulated.rig.joint import KINDS
 
 ENERGY_TOLERANCE = 1e-2
 """Energy may drift by this part of the energy that was exchanged."""
@@ -144,10 +143,8 @@ def _energy_drift(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray) 
 
 def _norm_drift(rig: Rig, q: np.ndarray) -> float:
     worst = 0.0
-    for joint in rig.joints.values():
-        if not joint.mimic and KINDS[joint.kind].nq > KINDS[joint.kind].nv:
-            quat = q[..., joint.q_slice.stop - 4 : joint.q_slice.stop]
-            worst = max(worst, float(np.abs(np.linalg.norm(quat, axis=-1) - 1.0).max(initial=0.0)))
+    for where in rig.quaternions.values():
+        worst = max(worst, float(np.abs(np.linalg.norm(q[..., where], axis=-1) - 1.0).max(initial=0.0)))
     return worst
 
 
