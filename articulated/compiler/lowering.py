@@ -1,0 +1,494 @@
+"""From a schedule to LLVM IR, as text: each scalar a vector of `lanes` states.
+
+A kernel is `i64 kernel(table, scratch, begin, end, tile)`. It handles the states from `begin` to `end` in blocks of `lanes`, and runs each
+chunk for `tile` blocks before the next, so that code which outgrows the instruction cache is fetched less often. A last block
+that is not full overlaps the one before it; if there is none, missing states repeat the last one. So nothing is read or written
+out of bounds, and a state's bits do not depend on where it stands.
+
+The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and the
+address of the numbers of the rows that the turns of a loop take (0: each its own). Then come the parameters. The scalars of a
+state are contiguous; they are transposed in registers. The kernel returns flags: 1 if an argument, 2 if a result is not finite, 4
+if a check fails.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from articulated.compiler.graph import MASKS, Parameter
+from articulated.compiler.schedule import Check, Chunk, Exit, Item, Read, Repeat, Schedule, Write
+
+NOT_FINITE_IN, NOT_FINITE_OUT, CHECK_FAILED = 1, 2, 4
+
+_ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_FUSED = {"fma": (False, False), "fms": (False, True), "fnma": (True, False)}
+_COMPARISON = {"lt": "olt", "le": "ole", "eq": "oeq"}
+
+
+@dataclass(frozen=True)
+class Format:
+    """A number format and how many of them a register holds."""
+
+    lanes: int
+    single: bool
+
+    @property
+    def bytes(self) -> int:
+        return 4 if self.single else 8
+
+    @property
+    def number(self) -> str:
+        return "float" if self.single else "double"
+
+    @property
+    def integer(self) -> str:
+        return "i32" if self.single else "i64"
+
+    def vector(self, of: str) -> str:
+        return of if self.lanes == 1 else f"<{self.lanes} x {of}>"
+
+    @property
+    def suffix(self) -> str:
+        return ("" if self.lanes == 1 else f"v{self.lanes}") + ("f32" if self.single else "f64")
+
+    def constant(self, x: float) -> str:
+        bits = f"0x{struct.pack('>d', rounded(x, self.single)).hex()}"
+        return bits if self.lanes == 1 else f"splat ({self.number} {bits})"
+
+    def integers(self, n: int) -> str:
+        return str(n) if self.lanes == 1 else f"splat ({self.integer} {n})"
+
+
+def rounded(x: float, single: bool) -> float:
+    """A constant as the format holds it."""
+    return struct.unpack("f", struct.pack("f", x))[0] if single and abs(x) < 3.4e38 else x
+
+
+class _Function:
+    """The text of one function."""
+
+    def __init__(self, f: Format):
+        self.f, self.lines, self.names = f, [], 0
+        self.V, self.N = f.vector(f.number), f.vector(f.integer)
+
+    def let(self, text: str) -> str:
+        self.names += 1
+        self.lines.append(f"  %t{self.names} = {text}")
+        return f"%t{self.names}"
+
+    def do(self, text: str) -> None:
+        self.lines.append(f"  {text}")
+
+    def at(self, pointer: str, offset: int | str) -> str:
+        return self.let(f"getelementptr i8, ptr {pointer}, i64 {offset}") if offset else pointer
+
+    def load(self, pointer: str, kind: str, align: int) -> str:
+        return self.let(f"load {kind}, ptr {pointer}, align {align}")
+
+    def call(self, name: str, *operands: str, kind: str | None = None) -> str:
+        kind = kind or self.V
+        return self.let(f"call {kind} @llvm.{name}.{self.f.suffix}({', '.join(f'{kind} {x}' for x in operands)})")
+
+
+class Lowering:
+    """Makes the functions of one kernel."""
+
+    def __init__(self, schedule: Schedule, narguments: int, noutputs: int, f: Format):
+        self.schedule, self.f = schedule, f
+        self.narguments, self.noutputs = narguments, noutputs
+        self.V = f.vector(f.number)
+        self.vector_bytes = f.bytes * f.lanes
+        self.functions: list[str] = []
+        self.declared: set[str] = set()
+        self.nloops = 0
+
+    @property
+    def scratch(self) -> int:
+        """Bytes of scratch for one block of states."""
+        return max(1, self.schedule.size) * self.vector_bytes
+
+    # chunks
+
+    def chunk(self, chunk: Chunk) -> str:
+        """Write a chunk's function; its name."""
+        fn = _Function(self.f)
+        values: dict[int, str] = {}
+        for i in chunk.nodes:
+            values[i] = self._operation(fn, i, values)
+            if i in self.schedule.slots:
+                self._store(fn, i, i, values)
+        moved = [(self._value(fn, source, values), target) for source, target in chunk.copies]
+        if chunk.unless is not None:
+            done = self._value(fn, chunk.unless, values)
+            kept = [(x, self._value(fn, target, {}), target) for x, target in moved]
+            mask = self.f.vector("i1")
+            moved = [(fn.let(f"select {mask} {done}, {self.V} {old}, {self.V} {x}"), target) for x, old, target in kept]
+        for x, target in moved:
+            fn.do(f"store {self.V} {x}, ptr {self._slot(fn, target)}, align {self.vector_bytes}")
+        return self._finish(fn, "void", "ptr noalias %scratch", "ret void")
+
+    def _slot(self, fn: _Function, i: int) -> str:
+        return fn.at("%scratch", self.schedule.slot(i) * self.vector_bytes)
+
+    def _value(self, fn: _Function, i: int, values: dict[int, str]) -> str:
+        if i not in values:
+            node = self.schedule.nodes[i]
+            if node[0] == "const":
+                values[i] = self.f.constant(node[1])
+            else:
+                x = fn.load(self._slot(fn, i), self.V, self.vector_bytes)
+                values[i] = fn.let(f"fcmp une {self.V} {x}, zeroinitializer") if node[0] in MASKS else x
+        return values[i]
+
+    def _store(self, fn: _Function, i: int, slot: int, values: dict[int, str]) -> None:
+        x, f = values[i], self.f
+        if self.schedule.nodes[i][0] in MASKS:
+            x = fn.let(f"select {f.vector('i1')} {x}, {self.V} {f.constant(1.0)}, {self.V} zeroinitializer")
+        fn.do(f"store {self.V} {x}, ptr {self._slot(fn, slot)}, align {self.vector_bytes}")
+
+    def _operation(self, fn: _Function, i: int, values: dict[int, str]) -> str:
+        f, V, N = self.f, self.V, fn.N
+        op, *parts = self.schedule.nodes[i]
+        if op == "bit":
+            n, a = parts
+            pattern = fn.let(f"bitcast {V} {self._value(fn, a, values)} to {N}")
+            one = fn.let(f"and {N} {pattern}, {f.integers(1 << n)}")
+            return fn.let(f"icmp ne {N} {one}, zeroinitializer" if f.lanes > 1 else f"icmp ne {N} {one}, 0")
+        x = [self._value(fn, a, values) for a in parts]
+        if op in _ARITHMETIC:
+            return fn.let(f"{_ARITHMETIC[op]} {V} {x[0]}, {x[1]}")
+        if op in _FUSED:
+            minus_product, minus_sum = _FUSED[op]
+            a = fn.let(f"fneg {V} {x[0]}") if minus_product else x[0]
+            c = fn.let(f"fneg {V} {x[2]}") if minus_sum else x[2]
+            return fn.call("fma", a, x[1], c)
+        if op in _COMPARISON:
+            return fn.let(f"fcmp {_COMPARISON[op]} {V} {x[0]}, {x[1]}")
+        if op == "neg":
+            return fn.let(f"fneg {V} {x[0]}")
+        if op in ("abs", "sqrt"):
+            return fn.call("fabs" if op == "abs" else "sqrt", x[0])
+        if op == "and":
+            return fn.let(f"and {f.vector('i1')} {x[0]}, {x[1]}")
+        if op == "select":
+            return fn.let(f"select {f.vector('i1')} {x[0]}, {V} {x[1]}, {V} {x[2]}")
+        return self._pattern(fn, op, x[0])
+
+    def _pattern(self, fn: _Function, op: str, x: str) -> str:
+        """power2, exponent, fraction: work on the pattern of a number."""
+        f, V, N = self.f, self.V, fn.N
+        shift, one, root = PATTERN[f.single]
+        pattern = fn.let(f"bitcast {V} {x} to {N}")
+        if op == "power2":
+            moved = fn.let(f"shl {N} {pattern}, {f.integers(shift)}")
+            return fn.let(f"bitcast {N} {fn.let(f'add {N} {moved}, {f.integers(one)}')} to {V}")
+        k = fn.let(f"ashr {N} {fn.let(f'sub {N} {pattern}, {f.integers(root)}')}, {f.integers(shift)}")
+        if op == "exponent":
+            return fn.let(f"sitofp {N} {k} to {V}")
+        moved = fn.let(f"shl {N} {k}, {f.integers(shift)}")
+        return fn.let(f"bitcast {N} {fn.let(f'sub {N} {pattern}, {moved}')} to {V}")
+
+    # arrays
+
+    def transfer(self, item: Read | Write, watched: bool) -> str:
+        """Write the function that moves an array's scalars to or from their slots; it returns whether one is not finite."""
+        fn, f = _Function(self.f), self.f
+        array = item.array + (self.narguments if isinstance(item, Write) else 0)
+        row = [fn.load(fn.at("%table", 32 * array + 8 * k), "i64", 8) for k in range(4)]
+        address = fn.let(f"inttoptr i64 {row[0]} to ptr")
+        base = fn.at(address, fn.let(f"mul i64 %base, {row[1]}"))
+        base = fn.at(base, fn.let(f"mul i64 %turn, {row[2]}"))
+        rows = [fn.at(base, fn.load(fn.at("%lanes", 8 * (array * f.lanes + r)), "i64", 8)) for r in range(f.lanes)]
+        groups: dict[int, list[tuple[int, int]]] = {}
+        for k, i in item.scalars:
+            groups.setdefault(k // f.lanes, []).append((k, i))
+        seen: list[str] = []
+        for group, scalars in groups.items():
+            move = self._read if isinstance(item, Read) else self._write
+            seen += move(fn, rows, group * f.lanes, {k % f.lanes: i for k, i in scalars})
+        flag = "0"
+        if watched and seen:
+            sums = [f.constant(0.0)] * min(4, len(seen))
+            for k, x in enumerate(seen):
+                sums[k % len(sums)] = fn.call("fma", x, f.constant(0.0), sums[k % len(sums)])
+            total = sums[0]
+            for x in sums[1:]:
+                total = fn.let(f"fadd {self.V} {total}, {x}")
+            flag = self._any(fn, fn.let(f"fcmp uno {self.V} {total}, {total}"))
+        return self._finish(fn, "i64", "ptr %table, ptr %lanes, ptr noalias %scratch, i64 %base, i64 %turn", f"ret i64 {flag}")
+
+    def _any(self, fn: _Function, mask: str) -> str:
+        if self.f.lanes == 1:
+            return fn.let(f"zext i1 {mask} to i64")
+        whole = fn.let(f"bitcast <{self.f.lanes} x i1> {mask} to i{self.f.lanes}")
+        return fn.let(f"zext i1 {fn.let(f'icmp ne i{self.f.lanes} {whole}, 0')} to i64")
+
+    def _read(self, fn: _Function, rows: list[str], first: int, nodes: dict[int, int]) -> list[str]:
+        f, V = self.f, self.V
+        if len(nodes) <= f.lanes // 4 or f.lanes == 1:  # a few scalars: one by one
+            vectors = {}
+            for k in nodes:
+                parts = [fn.load(fn.at(row, (first + k) * f.bytes), f.number, f.bytes) for row in rows]
+                vectors[k] = self._gathered(fn, parts)
+            seen = list(vectors.values())
+        else:
+            seen = [self._row_load(fn, fn.at(row, first * f.bytes), nodes) for row in rows]
+            vectors = dict(enumerate(self._transposed(fn, seen)))
+        for k, i in nodes.items():
+            fn.do(f"store {V} {vectors[k]}, ptr {self._slot(fn, i)}, align {self.vector_bytes}")
+        return seen
+
+    def _gathered(self, fn: _Function, parts: list[str]) -> str:
+        if self.f.lanes == 1:
+            return parts[0]
+        x = "poison"
+        for r, part in enumerate(parts):
+            x = fn.let(f"insertelement {self.V} {x}, {self.f.number} {part}, i32 {r}")
+        return x
+
+    def _mask(self, nodes: dict[int, int]) -> str:
+        return f"<{', '.join(f'i1 {int(k in nodes)}' for k in range(self.f.lanes))}>"
+
+    def _row_load(self, fn: _Function, pointer: str, nodes: dict[int, int]) -> str:
+        f, V = self.f, self.V
+        if len(nodes) == f.lanes:
+            return fn.load(pointer, V, f.bytes)
+        mask = f"<{f.lanes} x i1> {self._mask(nodes)}"
+        self.declared.add(f"declare {V} @llvm.masked.load.{f.suffix}.p0(ptr, i32, <{f.lanes} x i1>, {V})")
+        return fn.let(f"call {V} @llvm.masked.load.{f.suffix}.p0(ptr {pointer}, i32 {f.bytes}, {mask}, {V} zeroinitializer)")
+
+    def _write(self, fn: _Function, rows: list[str], first: int, nodes: dict[int, int]) -> list[str]:
+        f, V = self.f, self.V
+        vectors = {k: self._value(fn, i, {}) for k, i in nodes.items()}
+        if len(nodes) <= f.lanes // 4 or f.lanes == 1:
+            for k, x in vectors.items():
+                for r, row in enumerate(rows):
+                    part = x if f.lanes == 1 else fn.let(f"extractelement {V} {x}, i32 {r}")
+                    fn.do(f"store {f.number} {part}, ptr {fn.at(row, (first + k) * f.bytes)}, align {f.bytes}")
+            return list(vectors.values())
+        columns = self._transposed(fn, [vectors.get(k, "zeroinitializer") for k in range(f.lanes)])
+        for row, x in zip(rows, columns, strict=True):
+            pointer = fn.at(row, first * f.bytes)
+            if len(nodes) == f.lanes:
+                fn.do(f"store {V} {x}, ptr {pointer}, align {f.bytes}")
+            else:
+                self.declared.add(f"declare void @llvm.masked.store.{f.suffix}.p0({V}, ptr, i32, <{f.lanes} x i1>)")
+                mask = f"<{f.lanes} x i1> {self._mask(nodes)}"
+                fn.do(f"call void @llvm.masked.store.{f.suffix}.p0({V} {x}, ptr {pointer}, i32 {f.bytes}, {mask})")
+        return list(vectors.values())
+
+    def _transposed(self, fn: _Function, rows: Sequence[str]) -> list[str]:
+        """A square of numbers, its rows turned into columns: neighbours exchange halves, at distance 1, 2, 4 …"""
+        f, V, rows = self.f, self.V, list(rows)
+        distance = 1
+        while distance < f.lanes:
+            for r in range(f.lanes):
+                if r & distance:
+                    continue
+                a, b = rows[r], rows[r + distance]
+                low = [k if not k & distance else k - distance + f.lanes for k in range(f.lanes)]
+                high = [k + distance if not k & distance else k + f.lanes for k in range(f.lanes)]
+                rows[r], rows[r + distance] = (
+                    fn.let(f"shufflevector {V} {a}, {V} {b}, <{f.lanes} x i32> <{', '.join(f'i32 {k}' for k in pick)}>")
+                    for pick in (low, high)
+                )
+            distance *= 2
+        return rows
+
+    def any(self, mask: int, holds: bool) -> str:
+        """Write the function that tells whether a mask holds, or fails, for some state of the block."""
+        fn = _Function(self.f)
+        x = fn.load(self._slot(fn, mask), self.V, self.vector_bytes)
+        comparison = "une" if holds else "oeq"
+        flag = self._any(fn, fn.let(f"fcmp {comparison} {self.V} {x}, zeroinitializer"))
+        return self._finish(fn, "i64", "ptr noalias %scratch", f"ret i64 {flag}")
+
+    def _finish(self, fn: _Function, kind: str, arguments: str, end: str) -> str:
+        name = f"@part{len(self.functions)}"
+        self.functions.append("\n".join([f"define internal {kind} {name}({arguments}) #0 {{", *fn.lines, f"  {end}", "}"]))
+        return name
+
+    def kernel(self, watched: bool) -> str:
+        """The whole module."""
+        driver = _Driver(self, watched)
+        driver.items(self.schedule.items, None)
+        f = self.f
+        declarations = [
+            f"declare {self.V} @llvm.fma.{f.suffix}({self.V}, {self.V}, {self.V})",
+            f"declare {self.V} @llvm.sqrt.{f.suffix}({self.V})",
+            f"declare {self.V} @llvm.fabs.{f.suffix}({self.V})",
+            *sorted(self.declared),
+        ]
+        attributes = 'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
+        return "\n".join([*self.functions, driver.text(), *declarations, attributes, ""])
+
+
+PATTERN = (52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD), (23, 0x3F800000, 0x3F3504F3)
+"""Bits of the fraction, the pattern of 1, and of √½, for float64 and float32."""
+
+
+class _Driver:
+    """The kernel's own function: loops and calls."""
+
+    def __init__(self, lowering: Lowering, watched: bool):
+        self.lowering, self.watched = lowering, watched
+        self.lines: list[str] = []
+        self.names = 0
+        self.block = "items"
+
+    def let(self, text: str) -> str:
+        self.names += 1
+        self.lines.append(f"  %d{self.names} = {text}")
+        return f"%d{self.names}"
+
+    def label(self) -> str:
+        self.names += 1
+        return f"L{self.names}"
+
+    def begin(self, label: str) -> None:
+        self.lines.append(f"{label}:")
+        self.block = label
+
+    def jump(self, label: str) -> None:
+        self.lines.append(f"  br label %{label}")
+
+    def items(self, items: Sequence[Item], end: str | None) -> None:
+        """Write what the items do; `end` is where the innermost loop ends."""
+        lowering = self.lowering
+        for item in items:
+            if isinstance(item, Chunk):
+                if item.nodes or item.copies:
+                    self.each(lambda scratch, base, name=lowering.chunk(item): f"call void {name}(ptr {scratch})")
+            elif isinstance(item, Repeat):
+                self.repeat(item)
+            elif isinstance(item, (Exit, Check)):
+                name = lowering.any(item.mask, holds=isinstance(item, Check))
+                some = self.each(lambda scratch, base, name=name: f"call i64 {name}(ptr {scratch})")
+                if isinstance(item, Check):
+                    self.flag(some, CHECK_FAILED)
+                else:
+                    proceed = self.label()
+                    self.lines.append(f"  br i1 {self.let(f'icmp eq i64 {some}, 0')}, label %{end}, label %{proceed}")
+                    self.begin(proceed)
+            else:
+                self.transfer(item)
+
+    def transfer(self, item: Read | Write) -> None:
+        watched = self.watched and not item.loop
+        name = self.lowering.transfer(item, watched)
+        turn = self.let(f"load i64, ptr {self.turn(item.loop)}")
+        flag = self.each(
+            lambda scratch, base: f"call i64 {name}(ptr %table, ptr %lanes, ptr {scratch}, i64 {base}, i64 {turn})"
+        )
+        if watched:
+            self.flag(flag, NOT_FINITE_IN if isinstance(item, Read) else NOT_FINITE_OUT)
+
+    def flag(self, some: str, bit: int) -> None:
+        flags = self.let("load i64, ptr %flags")
+        more = self.let(f"mul i64 {some}, {bit}")
+        self.lines.append(f"  store i64 {self.let(f'or i64 {flags}, {more}')}, ptr %flags")
+
+    def turn(self, region: int) -> str:
+        return self.let(f"getelementptr i64, ptr %turns, i64 {region}")
+
+    def each(self, call) -> str:
+        """Call for each block of the tile; whether any call returned 1."""
+        label, after, previous = self.label(), self.label(), self.block
+        t, some, t_next, some_next = (f"%{name}.{label}" for name in ("t", "some", "more", "sum"))
+        self.jump(label)
+        self.begin(label)
+        self.lines.append(f"  {t} = phi i64 [ 0, %{previous} ], [ {t_next}, %{label} ]")
+        self.lines.append(f"  {some} = phi i64 [ 0, %{previous} ], [ {some_next}, %{label} ]")
+        scratch = self.let(f"getelementptr i8, ptr %scratch, i64 {self.let(f'mul i64 {t}, {self.lowering.scratch}')}")
+        ahead = self.let(f"add i64 %b, {self.let(f'mul i64 {t}, {self.lowering.f.lanes}')}")
+        base = self.let(f"call i64 @llvm.smin.i64(i64 {ahead}, i64 %limit)")
+        text = call(scratch, base)
+        if text.startswith("call void"):
+            self.lines += [f"  {text}", f"  {some_next} = add i64 {some}, 0"]
+        else:
+            self.lines.append(f"  {some_next} = or i64 {some}, {self.let(text)}")
+        self.lines.append(f"  {t_next} = add i64 {t}, 1")
+        self.lines.append(f"  br i1 {self.let(f'icmp slt i64 {t_next}, %blocks')}, label %{label}, label %{after}")
+        self.begin(after)
+        return some_next
+
+    def repeat(self, item: Repeat) -> None:
+        loop, head, body, end = item.loop, self.label(), self.label(), self.label()
+        if isinstance(loop.count, Parameter):
+            arrays = self.lowering.narguments + self.lowering.noutputs
+            pointer = self.let(f"getelementptr i64, ptr %table, i64 {4 * arrays + loop.count.index}")
+            count = self.let(f"load i64, ptr {pointer}")
+        else:
+            count = str(loop.count)
+        counter = self.let(f"getelementptr i64, ptr %counters, i64 {loop.region}")
+        self.lines.append(f"  store i64 0, ptr {counter}")
+        self.jump(head)
+        self.begin(head)
+        k = self.let(f"load i64, ptr {counter}")
+        self.lines.append(f"  br i1 {self.let(f'icmp slt i64 {k}, {count}')}, label %{body}, label %{end}")
+        self.begin(body)
+        self.items(item.items, end)
+        for pointer in (counter, self.turn(loop.region)):
+            before = self.let(f"load i64, ptr {pointer}")
+            self.lines.append(f"  store i64 {self.let(f'add i64 {before}, 1')}, ptr {pointer}")
+        self.jump(head)
+        self.begin(end)
+
+    def text(self) -> str:
+        """The function, once all items are written."""
+        lowering = self.lowering
+        lanes, arrays = lowering.f.lanes, lowering.narguments + lowering.noutputs
+        loops = 1 + len(lowering.schedule.loops)
+        start = [
+            "define i64 @kernel(ptr %table, ptr noalias %scratch, i64 %begin, i64 %end, i64 %tile) #0 {",
+            "entry:",
+            f"  %lanes = alloca [{arrays * lanes} x i64]",
+            f"  %turns = alloca [{loops} x i64]",
+            f"  %counters = alloca [{loops} x i64]",
+            "  %flags = alloca i64",
+            "  store i64 0, ptr %flags",
+            "  %count = sub i64 %end, %begin",
+            "  %final = sub i64 %count, 1",
+            f"  %overlap = sub i64 %end, {lanes}",
+            "  %limit = call i64 @llvm.smax.i64(i64 %overlap, i64 %begin)",
+        ]
+        for a in range(arrays):
+            start.append(f"  %at{a} = getelementptr i64, ptr %table, i64 {4 * a + 1}")
+            start.append(f"  %stride{a} = load i64, ptr %at{a}")
+        for r in range(lanes):
+            start.append(f"  %lane{r} = call i64 @llvm.smin.i64(i64 {r}, i64 %final)")
+            for a in range(arrays):
+                start += [
+                    f"  %offset{a}.{r} = mul i64 %lane{r}, %stride{a}",
+                    f"  %to{a}.{r} = getelementptr i64, ptr %lanes, i64 {a * lanes + r}",
+                    f"  store i64 %offset{a}.{r}, ptr %to{a}.{r}",
+                ]
+        group = [
+            "  br label %group",
+            "group:",
+            "  %b = phi i64 [ %begin, %entry ], [ %b.next, %next ]",
+            "  %left = sub i64 %end, %b",
+            f"  %rounded = add i64 %left, {lanes - 1}",
+            f"  %needed = sdiv i64 %rounded, {lanes}",
+            "  %blocks = call i64 @llvm.smin.i64(i64 %needed, i64 %tile)",
+            *(f"  %turn{k} = getelementptr i64, ptr %turns, i64 {k}\n  store i64 0, ptr %turn{k}" for k in range(loops)),
+            "  br label %items",
+            "items:",
+        ]
+        end = [
+            "  br label %next",
+            "next:",
+            f"  %advance = mul i64 %tile, {lanes}",
+            "  %b.next = add i64 %b, %advance",
+            "  %again = icmp slt i64 %b.next, %end",
+            "  br i1 %again, label %group, label %return",
+            "return:",
+            "  %result = load i64, ptr %flags",
+            "  ret i64 %result",
+            "}",
+            "declare i64 @llvm.smin.i64(i64, i64)",
+            "declare i64 @llvm.smax.i64(i64, i64)",
+        ]
+        return "\n".join([*start, *group, *self.lines, *end])

@@ -1,0 +1,313 @@
+"""From a graph to an order of work: dead code out, multiply-adds fused, the rest in chunks that hand values on through slots.
+
+The order is the algorithm's own. A chunk becomes one function of machine code, small enough for a compiler whose effort grows
+faster than its input. What one chunk computes and another needs has a slot in a scratch buffer; a slot is used again once its
+value has been used for the last time.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from articulated.compiler.graph import LEAVES, Graph, Loop, Node, operands
+
+CHUNK = 1000
+"""Operations in a chunk."""
+
+
+@dataclass(eq=False)
+class Chunk:
+    """Nodes computed one after the other; then copies, all at once: from a node to the slot of another.
+
+    A copy into a loop's carried values is not made for states for which the mask node `unless` holds.
+    """
+
+    nodes: list[int] = field(default_factory=list)
+    copies: list[tuple[int, int]] = field(default_factory=list)
+    unless: int | None = None
+
+
+@dataclass(eq=False)
+class Repeat:
+    """A loop over its items."""
+
+    loop: Loop
+    items: list[Item]
+
+
+@dataclass(eq=False)
+class Exit:
+    """Leave the innermost loop if this mask holds for all states of the group."""
+
+    mask: int
+
+
+@dataclass(eq=False)
+class Check:
+    """Raise a flag if this mask holds for any state."""
+
+    mask: int
+
+
+@dataclass(eq=False)
+class Transfer:
+    """Scalars of an argument into nodes' slots, or of an output from nodes: (scalar, node). Rows are counted by a loop's turns."""
+
+    array: int
+    scalars: list[tuple[int, int]]
+    loop: int
+
+
+class Read(Transfer):
+    """From an argument."""
+
+
+class Write(Transfer):
+    """To an output."""
+
+
+Item = Chunk | Repeat | Exit | Check | Read | Write
+
+
+@dataclass(eq=False)
+class Schedule:
+    """What is left of a graph, in order.
+
+    Attributes:
+        nodes: as in the graph, with multiply-adds fused.
+        items: the order of work.
+        loops: of the graph.
+        slots: where in scratch a node is kept that is used outside the chunk that computes it.
+        size: number of slots.
+    """
+
+    nodes: list[Node]
+    items: list[Item]
+    loops: list[Loop]
+    slots: dict[int, int]
+    size: int
+
+    def operations(self) -> Iterator[Node]:
+        """All nodes that are computed."""
+        return (self.nodes[i] for item in flattened(self.items) if isinstance(item, Chunk) for i in item.nodes)
+
+    def slot(self, index: int) -> int:
+        """The slot of a node; what a loop leaves behind is where the loop carried it."""
+        return self.slots[resolved(index, self.nodes, self.loops)]
+
+
+def schedule(
+    graph: Graph, outputs: Sequence[Sequence[int]], check: int | None, group: int, chunk: int = CHUNK
+) -> Schedule:
+    """Order the work that the outputs and the check need; `group` scalars of an output are written together."""
+    roots = [*outputs, [check] if check is not None else []]
+    nodes = _fused(graph, roots, _live(graph.nodes, graph.loops, roots))
+    live = _live(nodes, graph.loops, roots)
+    by_region: dict[int, list[int]] = defaultdict(list)
+    for i in sorted(live):
+        by_region[graph.region[i]].append(i)
+    written = {loop.region: loop.records for loop in graph.loops}
+    written[0] = [(output, k, node) for output, row in enumerate(outputs) for k, node in enumerate(row)]
+    items = _Walk(graph, nodes, by_region, written, group, chunk).region(0)
+    if check is not None:
+        items.append(Check(check))
+    slots, size = _slots(nodes, graph.loops, items)
+    return Schedule(nodes, items, graph.loops, slots, size)
+
+
+def flattened(items: Sequence[Item]) -> Iterator[Item]:
+    """Items in order, those of a loop after it."""
+    for item in items:
+        yield item
+        if isinstance(item, Repeat):
+            yield from flattened(item.items)
+
+
+def resolved(i: int, nodes: Sequence[Node], loops: Sequence[Loop]) -> int:
+    """The node itself, or for what a loop leaves behind, the node that the loop carries."""
+    return loops[nodes[i][1] - 1].carried[nodes[i][2]] if nodes[i][0] == "after" else i
+
+
+def _live(nodes: Sequence[Node], loops: Sequence[Loop], outputs: Sequence[Sequence[int]]) -> set[int]:
+    live: set[int] = set()
+    stack = [i for row in outputs for i in row]
+    while stack:
+        i = stack.pop()
+        if i in live:
+            continue
+        live.add(i)
+        node = nodes[i]
+        if node[0] in ("carried", "after"):
+            loop = loops[node[1] - 1]
+            stack += [loop.end, loop.carried[node[2]], *loop.needs(node[2])]
+        stack += operands(node)
+    return live
+
+
+def _fused(graph: Graph, outputs: Sequence[Sequence[int]], live: set[int]) -> list[Node]:
+    """The nodes with sums of products as fma (a b + c), fms (a b - c) and fnma (c - a b), where the product itself goes."""
+    nodes = list(graph.nodes)
+    uses: dict[int, int] = defaultdict(int)
+    sums: dict[int, int] = defaultdict(int)
+    for i in live:
+        for a in operands(nodes[i]):
+            uses[a] += 1
+            sums[a] += nodes[i][0] in ("add", "sub") and graph.region[a] == graph.region[i]
+    kept = {i for row in outputs for i in row}
+    for loop in graph.loops:
+        kept.update(*([*loop.initial, *loop.following], [node for _, _, node in loop.records]))
+
+    for i in sorted(live):
+        if nodes[i][0] not in ("add", "sub"):
+            continue
+        op, a, b = nodes[i]
+        products = [x for x in (b, a) if nodes[x][0] == "mul" and x not in kept and uses[x] == sums[x]]
+        if not products:
+            continue
+        product = min(products, key=uses.__getitem__)
+        other = a if product == b else b
+        kept.add(other)  # it is computed now, so nothing else gains by taking it in
+        name = "fma" if op == "add" else "fnma" if product == b else "fms"
+        nodes[i] = (name, *nodes[product][1:], other)
+    return nodes
+
+
+class _Walk:
+    """Regions into items."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        nodes: list[Node],
+        by_region: dict[int, list[int]],
+        written: dict[int, list[tuple[int, int, int]]],
+        group: int,
+        chunk: int,
+    ):
+        self.graph, self.nodes, self.by_region, self.written = graph, nodes, by_region, written
+        self.group, self.chunk = group, chunk
+
+    def region(self, region: int) -> list[Item]:
+        """What is read, what is computed, and what is written as soon as it is known."""
+        until = self.graph.loops[region - 1].until if region else None
+        items: list[Item] = [*self._reads(region)]
+        writes = self._writes(region)
+        pending = Chunk()
+
+        def close(index: int) -> Chunk:
+            if pending.nodes:
+                items.append(pending)
+            while writes and writes[0][0] <= index:
+                items.append(writes.pop(0)[1])
+            return Chunk()
+
+        pending = close(-1)
+        for i in self.by_region[region]:
+            op = self.nodes[i][0]
+            if op == "loop":
+                pending = close(i)
+                items += self._loop(self.graph.loops[self.nodes[i][1] - 1])
+            if op in LEAVES:
+                continue
+            pending.nodes.append(i)
+            if i == until or len(pending.nodes) == self.chunk:
+                pending = close(i)
+            if i == until:
+                items.append(Exit(i))
+        close(len(self.nodes))
+        return items
+
+    def _reads(self, region: int) -> list[Read]:
+        arguments: dict[int, list[tuple[int, int]]] = defaultdict(list)
+        for i in self.by_region[region]:
+            if self.nodes[i][0] in ("input", "row"):
+                *_, argument, k = self.nodes[i]
+                arguments[argument].append((k, i))
+        return [Read(argument, sorted(scalars), region) for argument, scalars in sorted(arguments.items())]
+
+    def _writes(self, region: int) -> list[tuple[int, Write]]:
+        """Groups of neighbouring scalars, each with the last node that it waits for, in that order."""
+        groups: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
+        for output, k, i in self.written[region]:
+            groups[output, k // self.group].append((k, i))
+
+        def last(scalars: list[tuple[int, int]]) -> int:
+            waits = (i for _, i in scalars if self.graph.region[i] == region and self.nodes[i][0] not in LEAVES - {"after"})
+            return max(waits, default=-1)
+
+        writes = [(last(scalars), Write(output, scalars, region)) for (output, _), scalars in groups.items()]
+        return sorted(writes, key=lambda entry: entry[0])
+
+    def _loop(self, loop: Loop) -> list[Item]:
+        carried = [k for k, i in enumerate(loop.carried) if i in self.by_region[loop.region]]
+        enter = Chunk(copies=[(loop.initial[k], loop.carried[k]) for k in carried])
+        moved = [(loop.following[k], loop.carried[k]) for k in carried if loop.following[k] != loop.carried[k]]
+        return [enter, Repeat(loop, [*self.region(loop.region), Chunk(copies=moved, unless=loop.until)])]
+
+
+def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) -> tuple[dict[int, int], int]:
+    """A slot for each node that is used outside the chunk that computes it."""
+    defined: dict[int, int] = {}
+    last: dict[int, int] = {}
+    position = 0
+
+    def use(i: int, around: list[tuple[int, int]]) -> None:
+        i = resolved(i, nodes, loops)
+        if nodes[i][0] == "const":
+            return
+        # a loop that runs again needs again what was known before it
+        ends = [end for start, end in around if defined[i] < start]
+        last[i] = max(last.get(i, -1), ends[0] if ends else position)
+
+    def visit(items: Sequence[Item], around: list[tuple[int, int]]) -> None:
+        nonlocal position
+        for item in items:
+            position += 1
+            if isinstance(item, Repeat):
+                visit(item.items, [*around, (position, position + _length(item.items))])
+            elif isinstance(item, Chunk):
+                defined.update((i, position) for i in item.nodes)
+                for a in {a for i in item.nodes for a in operands(nodes[i])}:
+                    if nodes[a][0] == "const" or defined[resolved(a, nodes, loops)] != position:
+                        use(a, around)
+                for source, target in item.copies:
+                    defined.setdefault(target, position)
+                    use(source, around)
+                    use(target, around)
+                if item.unless is not None:
+                    use(item.unless, around)
+            elif isinstance(item, (Exit, Check)):
+                use(item.mask, around)
+            else:
+                if isinstance(item, Read):
+                    defined.update((i, position) for _, i in item.scalars)
+                for _, i in item.scalars:
+                    use(i, around)
+
+    visit(items, [])
+    return _assigned(defined, last)
+
+
+def _assigned(defined: dict[int, int], last: dict[int, int]) -> tuple[dict[int, int], int]:
+    starts: dict[int, list[int]] = defaultdict(list)
+    ends: dict[int, list[int]] = defaultdict(list)
+    for i in last:
+        starts[defined[i]].append(i)
+        ends[last[i]].append(i)
+    slots: dict[int, int] = {}
+    free: list[int] = []
+    size = 0
+    for position in sorted({*starts, *ends}):
+        for i in starts[position]:
+            if free:
+                slots[i] = free.pop()
+            else:
+                slots[i], size = size, size + 1
+        free += [slots[i] for i in ends[position]]
+    return slots, size
+
+
+def _length(items: Sequence[Item]) -> int:
+    return sum(1 for _ in flattened(items))
