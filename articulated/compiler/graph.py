@@ -1,7 +1,7 @@
 """Programs as expression graphs. Running an algorithm on `Traced` scalars writes it down, one node an operation.
 
 Nodes are hash-consed: the same operation on the same operands is one node. Constants fold, and what folds away is never
-written: x·0, x·1, x + 0, −(−x), a − a. Signs are gathered on the way, −a·b as −(a·b) and x + (−y) as x − y, until they meet
+written: x·0, x·1, x + 0, −(−x), a − a, a + (b − a), a·(1/a). Signs are gathered on the way, −a·b as −(a·b) and x + (−y) as x − y, until they meet
 in the sign of a fused multiply-add, where they cost nothing. Like every such compiler this takes values to be finite when it
 drops x·0.
 
@@ -160,6 +160,10 @@ class Graph:
             return self.sub(a, y[1])
         if x[0] == "neg":
             return self.sub(b, x[1])
+        if y[0] == "sub" and y[2] == a:
+            return y[1]
+        if x[0] == "sub" and x[2] == b:
+            return x[1]
         return self.node("add", a, b) if a <= b else self.node("add", b, a)
 
     def sub(self, a: int, b: int) -> int:
@@ -195,6 +199,10 @@ class Graph:
             if x[0] == "mul" and self.nodes[x[2]][0] == "const":
                 return self.mul(x[1], self.constant(self.nodes[x[2]][1] * c))
             return self.node("mul", a, b)  # constants stand last
+        if (y[0] == "div" and y[2] == a and self.nodes[y[1]][0] == "const") or (
+            x[0] == "div" and x[2] == b and self.nodes[x[1]][0] == "const"
+        ):
+            return y[1] if y[0] == "div" and y[2] == a else x[1]
         return self.node("mul", a, b) if a <= b else self.node("mul", b, a)
 
     def div(self, a: int, b: int) -> int:

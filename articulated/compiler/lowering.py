@@ -321,7 +321,7 @@ class Lowering:
             f"declare {self.V} @llvm.fabs.{f.suffix}({self.V})",
             *sorted(self.declared),
         ]
-        attributes = 'attributes #0 = { nounwind noinline "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
+        attributes = 'attributes #0 = { nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
         return "\n".join([*self.functions, driver.text(), *declarations, attributes, ""])
 
 

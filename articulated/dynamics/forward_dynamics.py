@@ -4,7 +4,7 @@ symbol   meaning                                            RBDA
 X, S, v, c                                                  see `kinematics`
 IA, pA   articulated-body inertia and bias force            7.21, 7.24
 U, D, u  IA S,  Sᵀ U + armature,  τ − Sᵀ pA                 7.43–7.45
-a        acceleration, with −gravity at the root            7.50
+a        acceleration of points, −gravity at the root       7.50
 
 Differs: a joint of several coordinates gives them up one after the other, which is an unrolled LDLᵀ of its D (see
 `elimination`); bodies count from 0 and the world is -1.
@@ -46,7 +46,7 @@ def forward_dynamics(
     IA = [inertia.articulated() for inertia in mechanism.inertia]
     pA = []
     for i, inertia in enumerate(mechanism.inertia):
-        p_body = motion.v[i].cross_force(inertia @ motion.v[i])
+        p_body = inertia.gyroscopic(motion.v[i].angular)
         pA.append(p_body if (given := f_external[i]) is None else p_body - given)
 
     # inward: fold each subtree into its parent, its joint free

@@ -2,7 +2,7 @@
 
 symbol   meaning                                            RBDA
 X, S, v, c                                                  see `kinematics`
-a        acceleration, with −gravity at the root            5.8
+a        acceleration of points, −gravity at the root       5.8
 f        force across the body's joint                      5.9, 5.10
 tau      Sᵀ f + armature q̈                                  5.11
 """
@@ -49,7 +49,7 @@ def inverse_dynamics(
             a_body = a_body + motion.c[i]
         needed = mechanism.inertia[i] @ a_body
         if motion is not None:
-            needed = needed + motion.v[i].cross_force(mechanism.inertia[i] @ motion.v[i])
+            needed = needed + mechanism.inertia[i].gyroscopic(motion.v[i].angular)
         if (given := f_external[i]) is not None:
             needed = needed - given
         acceleration.append(a_body)

@@ -4,7 +4,11 @@ symbol   meaning                                                    RBDA
 X        X_PB, pose of the body in its parent                       4.3
 S        motion of the body for each coordinate of its joint        3.33
 v        velocity of the body, in the body                          5.7
-c        velocity-product acceleration,  c_J + v × S q̇              7.3
+c        velocity-product acceleration                              7.3
+
+Differs: accelerations are those of points, as on a stopwatch, where RBDA's spatial ones are the change of a field (2.11): the
+linear part is ω × v larger. So the dynamics need no linear velocities, and c is what a point at the body's origin feels:
+ω_P × (ω_P × p) from its parent's turning, and Coriolis' (ω_P + ω) × v_J if its joint slides.
 """
 
 from __future__ import annotations
@@ -45,13 +49,16 @@ def velocities(
     """Velocities and velocity products of all bodies."""
     result = Velocities([], [])
     for i, joint in enumerate(mechanism.joints):
-        v_joint = combination(S[i], [v[k] for k in joint.v])
-        c = joint.model.velocity_product(joint.configuration(q), joint.velocity(v)) or Motion.zero()
-        if (p := mechanism.parent[i]) == WORLD:
-            v_body = v_joint
-        else:
-            v_body = X[i].motion_to_child(result.v[p]) + v_joint
-            c = c + v_body.cross(v_joint)
+        v_body = v_joint = combination(S[i], [v[k] for k in joint.v])
+        c = Motion(Vec3.zero(), v_joint.angular.cross(v_joint.linear))
+        if (p := mechanism.parent[i]) != WORLD:
+            v_parent = X[i].motion_to_child(result.v[p])
+            v_body = v_parent + v_joint
+            carried = X[i].R.transpose_times(result.v[p].angular.cross_twice(X[i].p))
+            coriolis = (v_parent.angular + v_body.angular).cross(v_joint.linear)
+            c = Motion(v_body.angular.cross(v_joint.angular), carried + coriolis)
+        if (c_joint := joint.model.velocity_product(joint.configuration(q), joint.velocity(v))) is not None:
+            c = c + c_joint
         result.v.append(v_body)
         result.c.append(c)
     return result
@@ -63,10 +70,10 @@ def combination(S: Sequence[Motion], coefficients: Sequence[Scalar]) -> Motion:
 
 
 def world_poses(mechanism: Mechanism, X: Sequence[Pose]) -> list[Pose]:
-    """`X_WB` of each body."""
+    """`X_WB` of each body, their rotations as matrices."""
     poses: list[Pose] = []
     for i, p in enumerate(mechanism.parent):
-        poses.append(X[i] if p == WORLD else poses[p] @ X[i])
+        poses.append((Pose.identity() if p == WORLD else poses[p]) @ X[i])
     return poses
 
 

@@ -12,11 +12,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from articulated.dynamics.frames import chosen_frames, without_rounding
 from articulated.dynamics.joints import JointModel, joint_model
 from articulated.rig import Rig
 from articulated.rig.joint import KINDS
 from articulated.scalar import Scalar
-from articulated.spatial import Mat3, Motion, Pose, RigidInertia, Sym3, Vec3
+from articulated.spatial import Mat3, Motion, Pose, RigidInertia, Sym3, Turns, Vec3
 
 WORLD = -1
 
@@ -113,14 +114,22 @@ def mechanism(rig: Rig) -> Mechanism:
     """The mechanism of a rig."""
     joints = tuple(_tree_joint(rig, body.joint, body.axis) for body in rig.bodies)
     parent = tuple(body.parent for body in rig.bodies)
+    one_axis = [KINDS[rig.joints[body.joint].kind].nq == 1 for body in rig.bodies]
+    frames = chosen_frames(parent, [body.pose for body in rig.bodies], one_axis)
+    back = [*(np.linalg.inv(T) for T in frames), np.eye(4)]  # the last is the world's, index -1
     return Mechanism(
         rig=rig,
         parent=parent,
         joints=joints,
-        placement=tuple(_pose(body.pose) for body in rig.bodies),
-        inertia=tuple(_inertia(body.mass, body.center, body.inertia) for body in rig.bodies),
+        placement=tuple(
+            _placement(back[body.parent] @ body.pose @ T) for body, T in zip(rig.bodies, frames, strict=True)
+        ),
+        inertia=tuple(
+            _inertia(body.mass, T[:3, :3] @ body.center + T[:3, 3], T[:3, :3] @ body.inertia @ T[:3, :3].T)
+            for body, T in zip(rig.bodies, back, strict=False)
+        ),
         closes=_closes(parent, joints),
-        links=tuple((link.body, _pose(link.pose)) for link in rig.links.values()),
+        links=tuple((link.body, _pose(back[link.body] @ link.pose)) for link in rig.links.values()),
         armature=tuple(rig.armature.tolist()),
         damping=tuple(rig.damping.tolist()),
         friction=tuple(rig.friction.tolist()),
@@ -158,10 +167,16 @@ def _common_ancestor(parent: Sequence[int], i: int, j: int) -> int:
     return i
 
 
+def _placement(matrix: np.ndarray) -> Pose:
+    p = matrix[:3, 3]
+    return Pose(Turns.of(matrix[:3, :3].tolist()), Vec3.of(without_rounding(p, np.abs(p).max()).tolist()))
+
+
 def _pose(matrix: np.ndarray) -> Pose:
     return Pose(Mat3.of(matrix[:3, :3].tolist()), Vec3.of(matrix[:3, 3].tolist()))
 
 
 def _inertia(mass: float, center: np.ndarray, inertia: np.ndarray) -> RigidInertia:
-    about_origin = inertia + mass * (center @ center * np.eye(3) - np.outer(center, center))
-    return RigidInertia(float(mass), Vec3.of((mass * center).tolist()), Sym3.of(about_origin.tolist()))
+    J = inertia + mass * (center @ center * np.eye(3) - np.outer(center, center))
+    J, center = without_rounding(J, np.abs(J).max()), without_rounding(center, np.abs(center).max())
+    return RigidInertia(float(mass), Vec3.of((mass * center).tolist()), Sym3.of(J.tolist()))

@@ -4,6 +4,7 @@ from articulated.spatial.inertia import ArticulatedInertia, RigidInertia
 from articulated.spatial.matrix import Mat3, Sym3
 from articulated.spatial.motion import Force, Motion, UnitMotion
 from articulated.spatial.pose import Pose
+from articulated.spatial.turns import Turns
 from articulated.spatial.vector import Vec3
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "Pose",
     "RigidInertia",
     "Sym3",
+    "Turns",
     "UnitMotion",
     "Vec3",
 ]

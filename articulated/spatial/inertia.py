@@ -26,6 +26,10 @@ class RigidInertia:
             v.linear * self.mass - self.h.cross(v.angular),
         )
 
+    def gyroscopic(self, omega: Vec3) -> Force:
+        """What it takes to keep the body turning at ω while its origin does not accelerate: (ω × J ω, ω × (ω × h))."""
+        return Force(omega.cross(self.J @ omega), omega.cross_twice(self.h))
+
     def articulated(self) -> ArticulatedInertia:
         return ArticulatedInertia(self.J, Mat3.skew(self.h), Sym3.scaled_identity(self.mass))
 

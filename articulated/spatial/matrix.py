@@ -60,6 +60,8 @@ class Mat3:
         if isinstance(b, Vec3):
             row0, row1, row2 = self.rows
             return Vec3(row0.dot(b), row1.dot(b), row2.dot(b))
+        if not isinstance(b, Mat3):
+            return NotImplemented
         columns = b.T.rows
         return Mat3(*(Vec3(*(row.dot(column) for column in columns)) for row in self.rows))
 
@@ -75,6 +77,14 @@ class Mat3:
     def times_transpose(self, B: Mat3) -> Mat3:
         """M Bᵀ."""
         return Mat3(*(Vec3(*(row.dot(other) for other in B.rows)) for row in self.rows))
+
+    def conjugate(self, A: Mat3) -> Mat3:
+        """M A Mᵀ."""
+        return (self @ A).times_transpose(self)
+
+    def conjugate_symmetric(self, A: Sym3) -> Sym3:
+        """M A Mᵀ, A symmetric."""
+        return Sym3.upper_of_product(self @ A.as_matrix(), self)
 
 
 class Sym3:
@@ -97,6 +107,12 @@ class Sym3:
     @staticmethod
     def scaled_identity(s: Scalar) -> Sym3:
         return Sym3(s, 0.0, 0.0, s, 0.0, s)
+
+    @staticmethod
+    def upper(A: Mat3) -> Sym3:
+        """A matrix that is known to be symmetric."""
+        a, b, c = A.rows
+        return Sym3(a.x, a.y, a.z, b.y, b.z, c.z)
 
     @staticmethod
     def upper_of_product(A: Mat3, B: Mat3) -> Sym3:
@@ -138,10 +154,6 @@ class Sym3:
             self.yz - a.y * b.z,
             self.zz - a.z * b.z,
         )
-
-    def rotated(self, R: Mat3) -> Sym3:
-        """R A Rᵀ."""
-        return Sym3.upper_of_product(R @ self.as_matrix(), R)
 
     def without(self, k: int) -> Sym3:
         """The same with row and column k exactly zero."""

@@ -5,15 +5,16 @@ from __future__ import annotations
 from articulated.spatial.inertia import ArticulatedInertia, RigidInertia
 from articulated.spatial.matrix import Mat3, Sym3
 from articulated.spatial.motion import Force, Motion
+from articulated.spatial.turns import Turns
 from articulated.spatial.vector import Vec3
 
 
 class Pose:
-    """`X_AB`: where frame B stands in frame A, as the rotation `R` (B to A components) and B's origin `p` in A."""
+    """`X_AB`: where frame B stands in frame A, as the rotation `R` (B to A components; a matrix or turns) and B's origin `p` in A."""
 
     __slots__ = ("R", "p")
 
-    def __init__(self, R: Mat3, p: Vec3):
+    def __init__(self, R: Mat3 | Turns, p: Vec3):
         self.R, self.p = R, p
 
     @staticmethod
@@ -62,19 +63,15 @@ class Pose:
         to_first = h + self.p * inertia.mass
         # J − r×h× − (h + m r)× r×, of which only the upper triangle is formed
         shift = Mat3.skew(self.p) @ Mat3.skew(h) + Mat3.skew(to_first) @ Mat3.skew(self.p)
-        return RigidInertia(inertia.mass, to_first, inertia.J.rotated(self.R) - _upper(shift))
+        return RigidInertia(inertia.mass, to_first, self.R.conjugate_symmetric(inertia.J) - Sym3.upper(shift))
 
     def articulated_to_parent(self, inertia: ArticulatedInertia) -> ArticulatedInertia:
         """The articulated inertia of a body, given in B, as seen in A, RBDA 2.66 with a full M."""
-        J, M = inertia.J.rotated(self.R), inertia.M.rotated(self.R)
-        H = (self.R @ inertia.H).times_transpose(self.R)
+        J, M = self.R.conjugate_symmetric(inertia.J), self.R.conjugate_symmetric(inertia.M)
+        H = self.R.conjugate(inertia.H)
         r = Mat3.skew(self.p)
         H_shifted = H + r @ M.as_matrix()
         # J' = J − H r× + r× (H + r× M)ᵀ
-        J_shifted = J - _upper(H @ r) + _upper(r.times_transpose(H_shifted))
+        J_shifted = J - Sym3.upper(H @ r) + Sym3.upper(r.times_transpose(H_shifted))
         return ArticulatedInertia(J_shifted, H_shifted, M)
 
-
-def _upper(A: Mat3) -> Sym3:
-    a, b, c = A.rows
-    return Sym3(a.x, a.y, a.z, b.y, b.z, c.z)

@@ -9,16 +9,16 @@ from collections.abc import Sequence
 
 from articulated.scalar import Scalar, atan2, cos, sin, sqrt, where
 from articulated.spatial.matrix import Mat3
+from articulated.spatial.turns import Turns
 from articulated.spatial.vector import Vec3
 
 _SMALL_SQUARE = 1e-4
 """Below this squared angle the series in use here, cut after the sixth power, are exact to rounding."""
 
 
-def rotation_about_z(angle: Scalar) -> Mat3:
+def rotation_about_z(angle: Scalar) -> Turns:
     """The rotation by `angle` [rad] about z."""
-    c, s = cos(angle), sin(angle)
-    return Mat3(Vec3(c, -s, 0.0), Vec3(s, c, 0.0), Vec3(0.0, 0.0, 1.0))
+    return Turns([(2, cos(angle), sin(angle))])
 
 
 def rotation_about(axis: Vec3, angle: Scalar) -> Mat3:

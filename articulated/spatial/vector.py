@@ -48,3 +48,7 @@ class Vec3:
 
     def cross(self, b: Vec3) -> Vec3:
         return Vec3(self.y * b.z - self.z * b.y, self.z * b.x - self.x * b.z, self.x * b.y - self.y * b.x)
+
+    def cross_twice(self, b: Vec3) -> Vec3:
+        """a × (a × b), as a (a·b) − b |a|²."""
+        return self * self.dot(b) - b * self.dot(self)

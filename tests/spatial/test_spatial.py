@@ -151,7 +151,7 @@ class TestRotations:
         axis = np.array([0.6, 0.0, 0.8])
         as_array = np.array([list(row) for row in rot.rotation_about(Vec3.of(axis.tolist()), 0.7).rows])
         np.testing.assert_allclose(as_array, Rotation.from_rotvec(0.7 * axis).as_matrix(), atol=1e-15)
-        as_array = np.array([list(row) for row in rot.rotation_about_z(0.7).rows])
+        as_array = np.array([list(row) for row in rot.rotation_about_z(0.7).matrix().rows])
         np.testing.assert_allclose(as_array, Rotation.from_rotvec([0, 0, 0.7]).as_matrix(), atol=1e-15)
 
     def test_product(self):
