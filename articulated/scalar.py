@@ -8,7 +8,8 @@ A float outside a function's domain gives NaN, as numpy does, so that a state th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -84,3 +85,54 @@ def maximum(a: Scalar, b: Scalar) -> Scalar:
 def is_zero(x: Scalar) -> bool:
     """Whether `x` is the constant 0, known before any state is: a question about the program, not about a value."""
     return isinstance(x, (float, int)) and x == 0
+
+
+Nested = Any
+"""A scalar, or a list, tuple or dataclass of them, nested to any depth."""
+
+
+def flatten(nested: Nested) -> list[Scalar]:
+    """The scalars of a nested structure, in order; None holds none."""
+    if isinstance(nested, (list, tuple)):
+        return [x for part in nested for x in flatten(part)]
+    if is_dataclass(nested):
+        return [x for part in fields(nested) for x in flatten(getattr(nested, part.name))]
+    return [] if nested is None else [nested]
+
+
+def rebuilt(like: Nested, scalars: Iterator[Scalar]) -> Nested:
+    """A structure like the one given, of other scalars."""
+    if isinstance(like, (list, tuple)):
+        return type(like)(rebuilt(part, scalars) for part in like)
+    if is_dataclass(like):
+        return replace(like, **{part.name: rebuilt(getattr(like, part.name), scalars) for part in fields(like)})  # type: ignore[type-var]
+    return None if like is None else next(scalars)
+
+
+def repeat(
+    count: Any,
+    body: Callable[[Nested], Nested],
+    carry: Nested,
+    until: Callable[[Nested], Scalar] | None = None,
+) -> Nested:
+    """What `carry` becomes when `body` is applied to it `count` times: a loop that a compiler can see.
+
+    Args:
+        count: a number, or what a tape calls one (`Tape.parameter`).
+        body: from what is carried to what is carried on; of one structure, and with no memory of its own.
+        carry: what the first turn starts from.
+        until: a state for which this mask holds takes no more turns; asked before each, the loop ends once it holds for all.
+    """
+    for x in flatten(carry):
+        if hasattr(x, "graph"):
+            return x.repeat(count, body, carry, until)
+    for _ in range(count):
+        if until is None:
+            carry = body(carry)
+            continue
+        done = until(carry)
+        if np.all(done):
+            break
+        new = [where(done, a, b) for a, b in zip(flatten(carry), flatten(body(carry)), strict=True)]
+        carry = rebuilt(carry, iter(new))
+    return carry

@@ -1,5 +1,25 @@
-"""Running an algorithm that is written over scalars. Here it is interpreted: a float or a numpy array for each scalar."""
+"""Algorithms that are written over scalars, run on numpy arrays: compiled to machine code, or interpreted."""
 
-from articulated.compiler.interpreter import as_scalars, evaluate
+from articulated.compiler.interpreter import as_scalars, evaluate, interpreting
+from articulated.compiler.kernels import Kernel, compiled, default_threads, kernels_of
+from articulated.compiler.light import light_function
+from articulated.compiler.lowering import CHECK_FAILED, NOT_FINITE_IN, NOT_FINITE_OUT
+from articulated.compiler.program import Array, Program, Rows, Tape
 
-__all__ = ["as_scalars", "evaluate"]
+__all__ = [
+    "CHECK_FAILED",
+    "NOT_FINITE_IN",
+    "NOT_FINITE_OUT",
+    "Array",
+    "Kernel",
+    "Program",
+    "Rows",
+    "Tape",
+    "as_scalars",
+    "compiled",
+    "default_threads",
+    "evaluate",
+    "interpreting",
+    "kernels_of",
+    "light_function",
+]

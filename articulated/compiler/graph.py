@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from articulated.compiler import elementary
-from articulated.scalar import Scalar
+from articulated.scalar import Nested, Scalar, flatten, rebuilt
 
 Node = tuple[Any, ...]
 LEAVES = frozenset(("const", "input", "row", "carried", "after", "loop"))
@@ -107,9 +107,6 @@ class Graph:
     def constant(self, x: float) -> int:
         return self.node("const", float(x) + 0.0)
 
-    def input(self, argument: int, k: int) -> Traced:
-        return Traced(self, self.node("input", argument, k))
-
     def scalar(self, index: int) -> Scalar:
         """What algorithms compute with: a number if the node is a constant."""
         node = self.nodes[index]
@@ -119,7 +116,7 @@ class Graph:
         self,
         count: int | Parameter,
         carry: Sequence[int],
-        body: Callable[[Loop, list[int]], Sequence[int]],
+        body: Callable[[list[int]], Sequence[int]],
         until: Callable[[list[int]], int] | None,
     ) -> list[int]:
         """Write a loop: its body once, from the nodes of what it carries to those of the next turn."""
@@ -129,7 +126,7 @@ class Graph:
         loop.carried = [self.node("carried", loop.region, k) for k in range(len(carry))]
         if until is not None:
             loop.until = until(loop.carried)
-        loop.following = list(body(loop, loop.carried))
+        loop.following = list(body(loop.carried))
         self.open = loop.parent
         loop.end = self.node("loop", loop.region)
         return [self.node("after", loop.region, k) for k in range(len(carry))]
@@ -307,6 +304,27 @@ class Traced:
     def where(self, a: Scalar, b: Scalar) -> Scalar:
         """`a` where this mask holds, else `b`."""
         return self.graph.scalar(self.graph.select(self.index, self.index_of(a), self.index_of(b)))
+
+    def repeat(
+        self,
+        count: int | Parameter,
+        body: Callable[[Nested], Nested],
+        carry: Nested,
+        until: Callable[[Nested], Traced] | None,
+    ) -> Nested:
+        """See `scalar.repeat`."""
+        graph = self.graph
+
+        def nested(nodes: Sequence[int]) -> Nested:
+            return rebuilt(carry, iter([Traced(graph, i) for i in nodes]))
+
+        after = graph.loop(
+            count,
+            [self.index_of(x) for x in flatten(carry)],
+            lambda nodes: [self.index_of(x) for x in flatten(body(nested(nodes)))],
+            None if until is None else lambda nodes: until(nested(nodes)).index,
+        )
+        return nested(after)
 
     def of(self, name: str, *operands: Any) -> Traced:
         """A node that only elementary functions use: fma, bit, power2, exponent, fraction."""

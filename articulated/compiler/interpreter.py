@@ -5,15 +5,12 @@ One state runs on Python floats, which are several times faster than numpy's; a 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+import os
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from articulated.scalar import Scalar
-
-Nested = Any
-"""A scalar, or a list (of lists) of scalars."""
+from articulated.scalar import Nested, flatten
 
 
 def evaluate(
@@ -34,7 +31,7 @@ def evaluate(
     values = result.reshape(*batch, -1)  # a view: callers give contiguous results
     scalars = [None if array is None else as_scalars(array, core) for array, core in arguments]
     with np.errstate(all="ignore"):
-        for k, x in enumerate(_flattened(algorithm(*scalars))):
+        for k, x in enumerate(flatten(algorithm(*scalars))):
             values[..., k] = x
 
 
@@ -47,9 +44,6 @@ def as_scalars(array: np.ndarray, core: int) -> Nested:
     return [as_scalars(array[(..., k, *[slice(None)] * (core - 1))], core - 1) for k in range(array.shape[-core])]
 
 
-def _flattened(nested: Nested) -> Iterator[Scalar]:
-    if isinstance(nested, (list, tuple)):
-        for part in nested:
-            yield from _flattened(part)
-    else:
-        yield nested
+def interpreting() -> bool:
+    """Whether the user asked for it: ARTICULATED_INTERPRET=1."""
+    return os.environ.get("ARTICULATED_INTERPRET", "") not in ("", "0")

@@ -14,13 +14,20 @@ if a check fails.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+import sys
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 from articulated.compiler.graph import MASKS, Parameter
+from articulated.compiler.program import Program
 from articulated.compiler.schedule import Check, Chunk, Exit, Item, Read, Repeat, Schedule, Write
 
 NOT_FINITE_IN, NOT_FINITE_OUT, CHECK_FAILED = 1, 2, 4
+
+STACK = 256 << 10
+"""Bytes of scratch that the function for one state may take from the stack."""
+OBJECT = object.__basicsize__
+"""Bytes of a Python object before what is its own: in an array data, number of axes, shape, strides, base, type."""
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _FUSED = {"fma": (False, False), "fms": (False, True), "fnma": (True, False)}
@@ -95,14 +102,13 @@ class _Function:
 class Lowering:
     """Makes the functions of one kernel."""
 
-    def __init__(self, schedule: Schedule, narguments: int, noutputs: int, f: Format):
-        self.schedule, self.f = schedule, f
-        self.narguments, self.noutputs = narguments, noutputs
+    def __init__(self, schedule: Schedule, program: Program, f: Format):
+        self.schedule, self.program, self.f = schedule, program, f
+        self.arrays = (*program.arguments, *program.results)
         self.V = f.vector(f.number)
         self.vector_bytes = f.bytes * f.lanes
         self.functions: list[str] = []
         self.declared: set[str] = set()
-        self.nloops = 0
 
     @property
     def scratch(self) -> int:
@@ -195,19 +201,24 @@ class Lowering:
     def transfer(self, item: Read | Write, watched: bool) -> str:
         """Write the function that moves an array's scalars to or from their slots; it returns whether one is not finite."""
         fn, f = _Function(self.f), self.f
-        array = item.array + (self.narguments if isinstance(item, Write) else 0)
+        array = item.array + (len(self.program.arguments) if isinstance(item, Write) else 0)
         row = [fn.load(fn.at("%table", 32 * array + 8 * k), "i64", 8) for k in range(4)]
         address = fn.let(f"inttoptr i64 {row[0]} to ptr")
         base = fn.at(address, fn.let(f"mul i64 %base, {row[1]}"))
         base = fn.at(base, fn.let(f"mul i64 %turn, {row[2]}"))
         rows = [fn.at(base, fn.load(fn.at("%lanes", 8 * (array * f.lanes + r)), "i64", 8)) for r in range(f.lanes)]
-        groups: dict[int, list[tuple[int, int]]] = {}
+        groups: dict[int, dict[int, int]] = {}
+        if watched and isinstance(item, Read):  # what is not used is looked at too
+            groups = {first: {} for first in range(0, self.arrays[array].size, f.lanes)}
         for k, i in item.scalars:
-            groups.setdefault(k // f.lanes, []).append((k, i))
+            groups.setdefault(k - k % f.lanes, {})[k % f.lanes] = i
         seen: list[str] = []
-        for group, scalars in groups.items():
-            move = self._read if isinstance(item, Read) else self._write
-            seen += move(fn, rows, group * f.lanes, {k % f.lanes: i for k, i in scalars})
+        for first, nodes in groups.items():
+            if isinstance(item, Read):
+                present = range(min(f.lanes, self.arrays[array].size - first)) if watched else nodes
+                seen += self._read(fn, rows, first, nodes, present)
+            else:
+                seen += self._write(fn, rows, first, nodes)
         flag = "0"
         if watched and seen:
             sums = [f.constant(0.0)] * min(4, len(seen))
@@ -225,17 +236,20 @@ class Lowering:
         whole = fn.let(f"bitcast <{self.f.lanes} x i1> {mask} to i{self.f.lanes}")
         return fn.let(f"zext i1 {fn.let(f'icmp ne i{self.f.lanes} {whole}, 0')} to i64")
 
-    def _read(self, fn: _Function, rows: list[str], first: int, nodes: dict[int, int]) -> list[str]:
+    def _read(
+        self, fn: _Function, rows: list[str], first: int, nodes: dict[int, int], present: Collection[int]
+    ) -> list[str]:
+        """Read the scalars `present`, from the first on, and store those that are nodes."""
         f, V = self.f, self.V
-        if len(nodes) <= f.lanes // 4 or f.lanes == 1:  # a few scalars: one by one
+        if len(present) <= f.lanes // 4 or f.lanes == 1:  # a few scalars: one by one
             vectors = {}
-            for k in nodes:
+            for k in present:
                 parts = [fn.load(fn.at(row, (first + k) * f.bytes), f.number, f.bytes) for row in rows]
                 vectors[k] = self._gathered(fn, parts)
             seen = list(vectors.values())
         else:
-            seen = [self._row_load(fn, fn.at(row, first * f.bytes), nodes) for row in rows]
-            vectors = dict(enumerate(self._transposed(fn, seen)))
+            seen = [self._row_load(fn, fn.at(row, first * f.bytes), present) for row in rows]
+            vectors = dict(enumerate(self._transposed(fn, seen))) if nodes else {}
         for k, i in nodes.items():
             fn.do(f"store {V} {vectors[k]}, ptr {self._slot(fn, i)}, align {self.vector_bytes}")
         return seen
@@ -248,10 +262,10 @@ class Lowering:
             x = fn.let(f"insertelement {self.V} {x}, {self.f.number} {part}, i32 {r}")
         return x
 
-    def _mask(self, nodes: dict[int, int]) -> str:
+    def _mask(self, nodes: Collection[int]) -> str:
         return f"<{', '.join(f'i1 {int(k in nodes)}' for k in range(self.f.lanes))}>"
 
-    def _row_load(self, fn: _Function, pointer: str, nodes: dict[int, int]) -> str:
+    def _row_load(self, fn: _Function, pointer: str, nodes: Collection[int]) -> str:
         f, V = self.f, self.V
         if len(nodes) == f.lanes:
             return fn.load(pointer, V, f.bytes)
@@ -310,9 +324,63 @@ class Lowering:
         self.functions.append("\n".join([f"define internal {kind} {name}({arguments}) #0 {{", *fn.lines, f"  {end}", "}"]))
         return name
 
-    def kernel(self, watched: bool) -> str:
+    # functions of the whole
+
+    def light(self) -> str:
+        """`light(self, args, nargs)`, a Python function in C for one state: takes numpy arrays, returns whether all went well.
+
+        It looks at the arrays' own headers, and refuses whatever is not a plain array of the expected shape.
+        """
+        fn = _Function(self.f)
+
+        def demand(condition: str) -> None:
+            fn.names += 1
+            fn.do(f"br i1 {condition}, label %ok{fn.names}, label %refuse")
+            fn.lines.append(f"ok{fn.names}:")
+
+        def word(pointer: str, offset: int | str, kind: str = "i64") -> str:
+            return fn.load(fn.at(pointer, offset), kind, 4 if kind == "i32" else 8)
+
+        demand(fn.let(f"icmp eq i64 %nargs, {len(self.arrays)}"))
+        kind, numbers = word("@context", 0), word("@context", 8)
+        for a, array in enumerate(self.arrays):
+            header = word("%args", 8 * a, "ptr")
+            demand(fn.let(f"icmp eq i64 {word(header, OBJECT - 8)}, {kind}"))
+            demand(fn.let(f"icmp eq i64 {word(header, OBJECT + 40)}, {numbers}"))
+            demand(fn.let(f"icmp eq i32 {word(header, OBJECT + 8, 'i32')}, {len(array.shape)}"))
+            step = 8 * array.size
+            for k, n in enumerate(array.shape):
+                step //= max(n, 1)
+                for vector, expected in ((OBJECT + 16, n), (OBJECT + 24, step)):
+                    demand(fn.let(f"icmp eq i64 {word(word(header, vector, 'ptr'), 8 * k)}, {expected}"))
+            data = word(header, OBJECT)
+            demand(fn.let(f"icmp eq i64 {fn.let(f'and i64 {data}, 7')}, 0"))
+            for k, x in enumerate((data, "0", "0", "0")):
+                fn.do(f"store i64 {x}, ptr {fn.at('%table', 32 * a + 8 * k)}")
+        flags = fn.let("call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 1, i64 1)")
+        demand(fn.let(f"icmp eq i64 {flags}, 0"))
+        last = fn.lines[-1][:-1]
+        fn.lines += ["  br label %return", "refuse:", "  br label %return", "return:"]
+        place = fn.let(f"phi i64 [ 16, %{last} ], [ 24, %refuse ]")
+        answer = word("@context", place, "ptr")
+        if sys.version_info < (3, 12):  # later, True and False count no references
+            references = word(answer, 0)
+            fn.do(f"store i64 {fn.let(f'add i64 {references}, 1')}, ptr {answer}")
+        return "\n".join(
+            [
+                "@context = global [4 x i64] zeroinitializer",
+                "define ptr @light(ptr %self, ptr %args, i64 %nargs) #0 {",
+                f"  %table = alloca [{4 * len(self.arrays)} x i64]",
+                f"  %scratch = alloca [{self.scratch} x i8], align 64",
+                *fn.lines,
+                f"  ret ptr {answer}",
+                "}",
+            ]
+        )
+
+    def kernel(self) -> str:
         """The whole module."""
-        driver = _Driver(self, watched)
+        driver = _Driver(self)
         driver.items(self.schedule.items, None)
         f = self.f
         declarations = [
@@ -321,8 +389,12 @@ class Lowering:
             f"declare {self.V} @llvm.fabs.{f.suffix}({self.V})",
             *sorted(self.declared),
         ]
+        if f.lanes == 1 and not f.single and self.scratch <= STACK:
+            driver_text = driver.text() + "\n" + self.light()
+        else:
+            driver_text = driver.text()
         attributes = 'attributes #0 = { nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
-        return "\n".join([*self.functions, driver.text(), *declarations, attributes, ""])
+        return "\n".join([*self.functions, driver_text, *declarations, attributes, ""])
 
 
 PATTERN = (52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD), (23, 0x3F800000, 0x3F3504F3)
@@ -332,8 +404,8 @@ PATTERN = (52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD), (23, 0x3F800000, 0x3F350
 class _Driver:
     """The kernel's own function: loops and calls."""
 
-    def __init__(self, lowering: Lowering, watched: bool):
-        self.lowering, self.watched = lowering, watched
+    def __init__(self, lowering: Lowering):
+        self.lowering = lowering
         self.lines: list[str] = []
         self.names = 0
         self.block = "items"
@@ -376,7 +448,7 @@ class _Driver:
                 self.transfer(item)
 
     def transfer(self, item: Read | Write) -> None:
-        watched = self.watched and not item.loop
+        watched = self.lowering.program.watched and not item.loop
         name = self.lowering.transfer(item, watched)
         turn = self.let(f"load i64, ptr {self.turn(item.loop)}")
         flag = self.each(
@@ -417,7 +489,7 @@ class _Driver:
     def repeat(self, item: Repeat) -> None:
         loop, head, body, end = item.loop, self.label(), self.label(), self.label()
         if isinstance(loop.count, Parameter):
-            arrays = self.lowering.narguments + self.lowering.noutputs
+            arrays = len(self.lowering.arrays)
             pointer = self.let(f"getelementptr i64, ptr %table, i64 {4 * arrays + loop.count.index}")
             count = self.let(f"load i64, ptr {pointer}")
         else:
@@ -439,7 +511,7 @@ class _Driver:
     def text(self) -> str:
         """The function, once all items are written."""
         lowering = self.lowering
-        lanes, arrays = lowering.f.lanes, lowering.narguments + lowering.noutputs
+        lanes, arrays = lowering.f.lanes, len(lowering.arrays)
         loops = 1 + len(lowering.schedule.loops)
         start = [
             "define i64 @kernel(ptr %table, ptr noalias %scratch, i64 %begin, i64 %end, i64 %tile) #0 {",

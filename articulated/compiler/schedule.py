@@ -8,7 +8,7 @@ value has been used for the last time.
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from articulated.compiler.graph import LEAVES, Graph, Loop, Node, operands
@@ -99,9 +99,23 @@ class Schedule:
 
 
 def schedule(
-    graph: Graph, outputs: Sequence[Sequence[int]], check: int | None, group: int, chunk: int = CHUNK
+    graph: Graph,
+    outputs: Sequence[Sequence[int]],
+    check: int | None,
+    group: int,
+    watched: Iterable[int] = (),
+    chunk: int = CHUNK,
 ) -> Schedule:
-    """Order the work that the outputs and the check need; `group` scalars of an output are written together."""
+    """Order the work that the outputs and the check need.
+
+    Args:
+        graph: what was traced.
+        outputs: nodes of each result.
+        check: mask node of states that should not be computed with, or None.
+        group: how many neighbouring scalars of a result are written together.
+        watched: arguments to read even if nothing comes of them.
+        chunk: operations in a chunk.
+    """
     roots = [*outputs, [check] if check is not None else []]
     nodes = _fused(graph, roots, _live(graph.nodes, graph.loops, roots))
     live = _live(nodes, graph.loops, roots)
@@ -110,7 +124,7 @@ def schedule(
         by_region[graph.region[i]].append(i)
     written = {loop.region: loop.records for loop in graph.loops}
     written[0] = [(output, k, node) for output, row in enumerate(outputs) for k, node in enumerate(row)]
-    items = _Walk(graph, nodes, by_region, written, group, chunk).region(0)
+    items = _Walk(graph, nodes, by_region, written, group, watched, chunk).region(0)
     if check is not None:
         items.append(Check(check))
     slots, size = _slots(nodes, graph.loops, items)
@@ -184,10 +198,11 @@ class _Walk:
         by_region: dict[int, list[int]],
         written: dict[int, list[tuple[int, int, int]]],
         group: int,
+        watched: Iterable[int],
         chunk: int,
     ):
         self.graph, self.nodes, self.by_region, self.written = graph, nodes, by_region, written
-        self.group, self.chunk = group, chunk
+        self.group, self.watched, self.chunk = group, watched, chunk
 
     def region(self, region: int) -> list[Item]:
         """What is read, what is computed, and what is written as soon as it is known."""
@@ -221,6 +236,8 @@ class _Walk:
 
     def _reads(self, region: int) -> list[Read]:
         arguments: dict[int, list[tuple[int, int]]] = defaultdict(list)
+        if region == 0:
+            arguments.update((argument, []) for argument in self.watched)
         for i in self.by_region[region]:
             if self.nodes[i][0] in ("input", "row"):
                 *_, argument, k = self.nodes[i]

@@ -13,7 +13,6 @@ is not of unit length; and warns (RuntimeWarning) if a result is not finite.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,11 +23,13 @@ from articulated.dynamics import inverse_dynamics as rnea
 from articulated.dynamics import jacobian as point_jacobian
 from articulated.dynamics import mass_matrix as crba
 from articulated.dynamics import momentum as total_momentum
-from articulated.dynamics.boundary import GRAVITY, Argument, call, find_link
-from articulated.dynamics.mechanism import mechanism
+from articulated.dynamics.boundary import GRAVITY, Argument, call, find_link, light_path
+from articulated.dynamics.mechanism import Mechanism
 from articulated.rig import Link, Rig
+from articulated.scalar import Scalar
 
 
+@light_path
 def forward_dynamics(
     rig: Rig,
     q: ArrayLike,
@@ -55,17 +56,11 @@ def forward_dynamics(
     Returns:
         Generalized accelerations, shape (..., nv) [rad/s², m/s²].
     """
-    m = mechanism(rig)
-
-    def algorithm(q, v, tau, external, gravity):
-        if joint_forces:
-            tau = [a + b for a, b in zip(tau, passive.passive_forces(m, v), strict=True)]
-        return aba.forward_dynamics(m, q, v, tau, gravity, external)
-
     arguments = [_q(rig, q), _v(rig, v), _v(rig, tau, "tau"), _external(rig, external), _gravity(gravity)]
-    return call(rig, algorithm, arguments, (rig.nv,), out, threads)
+    return call(rig, _forward_dynamics, arguments, (rig.nv,), out, threads, joint_forces=joint_forces)
 
 
+@light_path
 def inverse_dynamics(
     rig: Rig,
     q: ArrayLike,
@@ -86,15 +81,11 @@ def inverse_dynamics(
     Returns:
         Generalized forces, shape (..., nv) [N m, N]. Damping and dry friction are not among them.
     """
-    m = mechanism(rig)
-
-    def algorithm(q, v, a, external, gravity):
-        return rnea.inverse_dynamics(m, q, v, a, gravity, external)
-
     arguments = [_q(rig, q), _v(rig, v), _v(rig, a, "a"), _external(rig, external), _gravity(gravity)]
-    return call(rig, algorithm, arguments, (rig.nv,), out, threads)
+    return call(rig, _inverse_dynamics, arguments, (rig.nv,), out, threads)
 
 
+@light_path
 def bias_forces(
     rig: Rig,
     q: ArrayLike,
@@ -113,15 +104,11 @@ def bias_forces(
     Returns:
         Generalized forces, shape (..., nv) [N m, N].
     """
-    m = mechanism(rig)
-
-    def algorithm(q, v, external, gravity):
-        return rnea.inverse_dynamics(m, q, v, None, gravity, external)
-
     arguments = [_q(rig, q), _v(rig, v), _external(rig, external), _gravity(gravity)]
-    return call(rig, algorithm, arguments, (rig.nv,), out, threads)
+    return call(rig, _bias_forces, arguments, (rig.nv,), out, threads)
 
 
+@light_path
 def gravity_forces(
     rig: Rig,
     q: ArrayLike,
@@ -138,14 +125,10 @@ def gravity_forces(
     Returns:
         Generalized forces, shape (..., nv) [N m, N].
     """
-    m = mechanism(rig)
-
-    def algorithm(q, gravity):
-        return rnea.inverse_dynamics(m, q, None, None, gravity)
-
-    return call(rig, algorithm, [_q(rig, q), _gravity(gravity)], (rig.nv,), out, threads)
+    return call(rig, _gravity_forces, [_q(rig, q), _gravity(gravity)], (rig.nv,), out, threads)
 
 
+@light_path
 def mass_matrix(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """The mass matrix, armature included, by the composite-rigid-body algorithm. RBDA table 6.2, p. 108.
 
@@ -155,9 +138,10 @@ def mass_matrix(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, thread
     Returns:
         Symmetric matrices, shape (..., nv, nv) [kg m², kg m, kg].
     """
-    return call(rig, partial(crba.mass_matrix, mechanism(rig)), [_q(rig, q)], (rig.nv, rig.nv), out, threads)
+    return call(rig, crba.mass_matrix, [_q(rig, q)], (rig.nv, rig.nv), out, threads)
 
 
+@light_path
 def link_poses(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """Where the links are: homogeneous matrices X_WL, link to world.
 
@@ -168,9 +152,10 @@ def link_poses(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads
         Matrices, shape (..., nlinks, 4, 4) [translations in m]; `rig.links[name].index` is a link's place in them.
     """
     shape = (rig.nlinks, 4, 4)
-    return call(rig, partial(kinematics.link_poses, mechanism(rig)), [_q(rig, q)], shape, out, threads)
+    return call(rig, kinematics.link_poses, [_q(rig, q)], shape, out, threads)
 
 
+@light_path
 def link_velocities(
     rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
 ) -> np.ndarray:
@@ -182,8 +167,7 @@ def link_velocities(
     Returns:
         Twists, shape (..., nlinks, 6) [m/s, rad/s].
     """
-    algorithm = partial(kinematics.link_velocities, mechanism(rig))
-    return call(rig, algorithm, [_q(rig, q), _v(rig, v)], (rig.nlinks, 6), out, threads)
+    return call(rig, kinematics.link_velocities, [_q(rig, q), _v(rig, v)], (rig.nlinks, 6), out, threads)
 
 
 def jacobian(
@@ -205,15 +189,11 @@ def jacobian(
     Returns:
         Jacobians, shape (..., 6, nv) [m or 1, per coordinate].
     """
-    m, index = mechanism(rig), find_link(rig, link).index
-
-    def algorithm(q, point):
-        return point_jacobian.jacobian(m, q, index, point if point is not None else (0.0, 0.0, 0.0))
-
-    arguments = [_q(rig, q), Argument("point", point, (3,))]
-    return call(rig, algorithm, arguments, (6, rig.nv), out, threads)
+    arguments = [_q(rig, q), Argument("point", point, (3,), role="optional")]
+    return call(rig, _jacobian, arguments, (6, rig.nv), out, threads, link=find_link(rig, link).index)
 
 
+@light_path
 def center_of_mass(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """The centre of mass of all that moves, in the world.
 
@@ -227,9 +207,10 @@ def center_of_mass(rig: Rig, q: ArrayLike, *, out: np.ndarray | None = None, thr
         ValueError: nothing moves; and as all functions here.
     """
     _needs_mass(rig)
-    return call(rig, partial(total_momentum.center_of_mass, mechanism(rig)), [_q(rig, q)], (3,), out, threads)
+    return call(rig, total_momentum.center_of_mass, [_q(rig, q)], (3,), out, threads)
 
 
+@light_path
 def momentum(rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """Linear momentum, then angular momentum about the centre of mass, of all that moves, in the world.
 
@@ -243,10 +224,10 @@ def momentum(rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = N
         ValueError: nothing moves; and as all functions here.
     """
     _needs_mass(rig)
-    algorithm = partial(total_momentum.momentum, mechanism(rig))
-    return call(rig, algorithm, [_q(rig, q), _v(rig, v)], (6,), out, threads)
+    return call(rig, total_momentum.momentum, [_q(rig, q), _v(rig, v)], (6,), out, threads)
 
 
+@light_path
 def kinetic_energy(
     rig: Rig, q: ArrayLike, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
 ) -> np.ndarray:
@@ -258,10 +239,10 @@ def kinetic_energy(
     Returns:
         Energies, shape (...) [J].
     """
-    algorithm = partial(energy.kinetic_energy, mechanism(rig))
-    return call(rig, algorithm, [_q(rig, q), _v(rig, v)], (), out, threads)
+    return call(rig, energy.kinetic_energy, [_q(rig, q), _v(rig, v)], (), out, threads)
 
 
+@light_path
 def potential_energy(
     rig: Rig,
     q: ArrayLike,
@@ -278,10 +259,10 @@ def potential_energy(
     Returns:
         Energies, shape (...) [J].
     """
-    algorithm = partial(energy.potential_energy, mechanism(rig))
-    return call(rig, algorithm, [_q(rig, q), _gravity(gravity)], (), out, threads)
+    return call(rig, energy.potential_energy, [_q(rig, q), _gravity(gravity)], (), out, threads)
 
 
+@light_path
 def integrate(
     rig: Rig, q: ArrayLike, dv: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
 ) -> np.ndarray:
@@ -294,10 +275,10 @@ def integrate(
     Returns:
         Configurations, shape (..., nq).
     """
-    algorithm = partial(configuration.integrate, mechanism(rig))
-    return call(rig, algorithm, [_q(rig, q), _v(rig, dv, "dv")], (rig.nq,), out, threads)
+    return call(rig, configuration.integrate, [_q(rig, q), _v(rig, dv, "dv")], (rig.nq,), out, threads)
 
 
+@light_path
 def difference(
     rig: Rig, q0: ArrayLike, q1: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None
 ) -> np.ndarray:
@@ -312,10 +293,10 @@ def difference(
     Returns:
         Differences, shape (..., nv) [rad, m].
     """
-    algorithm = partial(configuration.difference, mechanism(rig))
-    return call(rig, algorithm, [_q(rig, q0, "q0"), _q(rig, q1, "q1")], (rig.nv,), out, threads)
+    return call(rig, configuration.difference, [_q(rig, q0, "q0"), _q(rig, q1, "q1")], (rig.nv,), out, threads)
 
 
+@light_path
 def passive_forces(rig: Rig, v: ArrayLike, *, out: np.ndarray | None = None, threads: int | None = None) -> np.ndarray:
     """The forces that the joints' own damping and dry friction exert: −damping v − friction v / √(v² + ε²).
 
@@ -327,7 +308,7 @@ def passive_forces(rig: Rig, v: ArrayLike, *, out: np.ndarray | None = None, thr
     Returns:
         Generalized forces, shape (..., nv) [N m, N].
     """
-    return call(rig, partial(passive.passive_forces, mechanism(rig)), [_v(rig, v)], (rig.nv,), out, threads)
+    return call(rig, passive.passive_forces, [_v(rig, v)], (rig.nv,), out, threads)
 
 
 def point_wrench(
@@ -353,13 +334,31 @@ def point_wrench(
     Returns:
         Wrenches (force, couple) in the world at the link origins, shape (..., nlinks, 6), zero but for this link's.
     """
-    m, index = mechanism(rig), find_link(rig, link).index
+    vectors = [Argument("force", force, (3,)), Argument("point", point, (3,), role="optional"), Argument("couple", couple, (3,))]
+    arguments = [_q(rig, q), *vectors]
+    return call(rig, kinematics.point_wrench, arguments, (rig.nlinks, 6), out, threads, link=find_link(rig, link).index)
 
-    def algorithm(q, force, point, couple):
-        return kinematics.point_wrench(m, q, index, force, point, couple)
 
-    vectors = [Argument("force", force, (3,)), Argument("point", point, (3,)), Argument("couple", couple, (3,))]
-    return call(rig, algorithm, [_q(rig, q), *vectors], (rig.nlinks, 6), out, threads)
+def _forward_dynamics(m: Mechanism, q, v, tau, external, gravity, joint_forces: bool) -> list[Scalar]:
+    if joint_forces:
+        tau = [a + b for a, b in zip(tau, passive.passive_forces(m, v), strict=True)]
+    return aba.forward_dynamics(m, q, v, tau, gravity, external)
+
+
+def _inverse_dynamics(m: Mechanism, q, v, a, external, gravity) -> list[Scalar]:
+    return rnea.inverse_dynamics(m, q, v, a, gravity, external)
+
+
+def _bias_forces(m: Mechanism, q, v, external, gravity) -> list[Scalar]:
+    return rnea.inverse_dynamics(m, q, v, None, gravity, external)
+
+
+def _gravity_forces(m: Mechanism, q, gravity) -> list[Scalar]:
+    return rnea.inverse_dynamics(m, q, None, None, gravity)
+
+
+def _jacobian(m: Mechanism, q, point, link: int) -> list[list[Scalar]]:
+    return point_jacobian.jacobian(m, q, link, point if point is not None else (0.0, 0.0, 0.0))
 
 
 def _q(rig: Rig, value: ArrayLike, name: str = "q") -> Argument:
@@ -371,11 +370,11 @@ def _v(rig: Rig, value: ArrayLike, name: str = "v") -> Argument:
 
 
 def _external(rig: Rig, value: ArrayLike | None) -> Argument:
-    return Argument("external", value, (rig.nlinks, 6))
+    return Argument("external", value, (rig.nlinks, 6), role="optional")
 
 
 def _gravity(value: ArrayLike | Sequence[float]) -> Argument:
-    return Argument("gravity", value, (3,), role="parameter")
+    return Argument("gravity", value, (3,), role="gravity")
 
 
 def _needs_mass(rig: Rig) -> None:

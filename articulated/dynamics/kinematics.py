@@ -131,10 +131,10 @@ def link_velocities(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scala
 def point_wrench(
     mechanism: Mechanism,
     q: Sequence[Scalar],
-    link: int,
     force: Sequence[Scalar],
     point: Sequence[Scalar] | None,
     couple: Sequence[Scalar],
+    link: int,
 ) -> list[list[Scalar]]:
     """Wrenches on all links, (linear, angular) in the world at the link origins, zero but for a force at a point of one."""
     wrenches: list[list[Scalar]] = [[0.0] * 6 for _ in mechanism.links]

@@ -136,6 +136,18 @@ def mechanism(rig: Rig) -> Mechanism:
     )
 
 
+def content(rig: Rig) -> bytes:
+    """All of a rig that a mechanism is made of, and nothing else: rigs of equal content move alike."""
+    joints = [
+        (j.name, j.kind, j.q_slice, j.v_slice, j.damping, j.friction, j.armature, j.mimic) for j in rig.joints.values()
+    ]
+    bodies = [
+        (b.parent, b.joint, b.mass, *(x.tobytes() for x in (b.pose, b.axis, b.center, b.inertia))) for b in rig.bodies
+    ]
+    links = [(link.body, link.pose.tobytes()) for link in rig.links.values()]
+    return repr((joints, bodies, links)).encode()
+
+
 def _tree_joint(rig: Rig, name: str, axis: np.ndarray) -> TreeJoint:
     joint = rig.joints[name]
     owner = rig.joints[joint.mimic.joint] if joint.mimic else joint

@@ -149,7 +149,7 @@ class TestEvery:
 
 def test_batches_that_do_not_broadcast(rig):
     q, v, tau = arguments(rig, "forward_dynamics", (4,))
-    expected = r"leading axes do not broadcast for rig 'ragdoll': q \(4, 43\), v \(3, 36\), tau \(4, 36\), gravity \(3,\)"
+    expected = r"leading axes do not broadcast for rig 'ragdoll': q \(4, 43\), v \(3, 36\), tau \(4, 36\)"
     with pytest.raises(ValueError, match=expected):
         art.forward_dynamics(rig, q, v[:3], tau)
 

@@ -94,7 +94,7 @@ ALGORITHMS = {
     "jacobian": lambda m, q, v, f, g: jacobian(m, q, -1, v[:3]),
     "link_poses": lambda m, q, v, f, g: kinematics.link_poses(m, q),
     "link_velocities": lambda m, q, v, f, g: kinematics.link_velocities(m, q, v),
-    "point_wrench": lambda m, q, v, f, g: kinematics.point_wrench(m, q, -1, v[:3], f.tau[:3], g),
+    "point_wrench": lambda m, q, v, f, g: kinematics.point_wrench(m, q, v[:3], f.tau[:3], g, -1),
     "center_of_mass": lambda m, q, v, f, g: momentum.center_of_mass(m, q),
     "momentum": lambda m, q, v, f, g: momentum.momentum(m, q, v),
     "kinetic_energy": lambda m, q, v, f, g: energy.kinetic_energy(m, q, v),

@@ -1,0 +1,202 @@
+"""Kernels: programs as machine code that runs on numpy arrays."""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import threading
+from collections.abc import Sequence
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from articulated.compiler import cache as disk
+from articulated.compiler.lowering import Format, Lowering
+from articulated.compiler.program import Program, Tape
+from articulated.compiler.schedule import schedule
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
+
+    from articulated.compiler.machine import Machine
+
+_RUN = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)
+_SHARE = 100e-6
+"""Work worth giving to one more thread [s]."""
+_OPERATION = 0.4e-9
+"""About what an operation takes, for a whole vector [s]."""
+_INSTRUCTIONS = 4000
+"""Operations whose code fits into the instruction cache. Larger programs run each chunk for several blocks before the next."""
+_TILE = 4
+
+
+class Kernel:
+    """A program as machine code.
+
+    Attributes:
+        lanes: states that a block holds.
+        operations: on each of them.
+    """
+
+    def __init__(self, program: Program, single: bool, lanes: int, on: Machine, header: dict[str, Any], code: bytes):
+        self.program, self.single, self.lanes = program, single, lanes
+        self.operations: int = header["operations"]
+        self.tile = _TILE if self.operations > _INSTRUCTIONS and lanes > 1 else 1
+        self._scratch_bytes: int = header["scratch"] * self.tile
+        self._engine = on.load(code)  # the code lives as long as this does
+        self._run = _RUN(self._engine.get_function_address("kernel"))
+        self._scratch: list[np.ndarray] = []
+
+    def address(self, name: str) -> int:
+        """Of a function or variable in its code."""
+        return self._engine.get_function_address(name) or self._engine.get_global_value_address(name)
+
+    def __call__(
+        self,
+        arrays: Sequence[tuple[np.ndarray, int, int, np.ndarray | None]],
+        batch: int,
+        threads: int | None,
+        parameters: Sequence[int] = (),
+    ) -> int:
+        """Run it on a batch; the flags of `lowering`.
+
+        Args:
+            arrays: each argument, then each result, with the bytes from state to state and from row to row, and the numbers of
+                the rows that turns take (None: each its own).
+            batch: number of states, one or more.
+            threads: how many may share it; None is as many as are useful.
+            parameters: the program's integers.
+        """
+        entries = [
+            x
+            for array, state, row, turns in arrays
+            for x in (_address(array), state, row, 0 if turns is None else _address(turns))
+        ]
+        table = (ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters)
+        shares = self._shares(batch, threads)
+        if shares == 1:
+            return self._part(table, 0, batch)
+        size = -(-batch // (shares * self.lanes)) * self.lanes
+        parts = [(begin, min(begin + size, batch)) for begin in range(0, batch, size)]
+        others = [_pool().submit(self._part, table, *part) for part in parts[1:]]
+        flags = self._part(table, *parts[0])
+        for other in others:
+            flags |= other.result()
+        return flags
+
+    def _part(self, table: Any, begin: int, end: int) -> int:
+        try:
+            scratch = self._scratch.pop()
+        except IndexError:
+            scratch = np.empty(self._scratch_bytes + 64, np.uint8)
+        flags = self._run(ctypes.addressof(table), -(-_address(scratch) // 64) * 64, begin, end, self.tile)
+        self._scratch.append(scratch)
+        return flags
+
+    def _shares(self, batch: int, threads: int | None) -> int:
+        blocks = -(-batch // self.lanes)
+        if threads is None:
+            threads = min(default_threads(), int(blocks * self.operations * _OPERATION / _SHARE))
+        return max(1, min(threads, blocks))
+
+
+def _address(array: np.ndarray) -> int:
+    return array.__array_interface__["data"][0]
+
+
+_kernels: WeakKeyDictionary[Any, dict[Any, Kernel]] = WeakKeyDictionary()
+
+
+def kernels_of(owner: Any) -> dict[Any, Kernel]:
+    """The kernels made for an object so far, to be looked up and added to; they go when it goes."""
+    known = _kernels.get(owner)
+    if known is None:
+        known = _kernels.setdefault(owner, {})
+    return known
+
+
+def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel:
+    """The kernel of a program: from the disk, or made now.
+
+    Args:
+        program: what to compile.
+        single: for float32.
+        lanes: states in a block; None is as many as a register holds, 1 is for a single state.
+    """
+    from articulated.compiler.machine import machine  # LLVM takes a while to load
+
+    on = machine()
+    f = Format(lanes or on.register // (4 if single else 8), single)
+    key = hashlib.sha256(
+        b"\0".join([_source(), on.identity, repr((program.name, f)).encode(), program.content])
+    ).hexdigest()
+    entry = disk.get(key)
+    if entry is None:
+        entry = _build(program, f, on)
+        disk.put(key, *entry)
+    return Kernel(program, single, f.lanes, on, *entry)
+
+
+def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], bytes]:
+    tape = Tape(program, f.single)
+    watched = range(len(program.arguments)) if program.watched else ()
+    plan = schedule(tape.graph, tape.outputs, tape.check, f.lanes, watched)
+    lowering = Lowering(plan, program, f)
+    text = lowering.kernel()
+    header = {"operations": sum(1 for _ in plan.operations()), "scratch": lowering.scratch}
+    if folder := os.environ.get("ARTICULATED_DUMP"):
+        _dump(Path(folder), program, f, on, tape, text, header)
+    return header, on.object_code(text)
+
+
+def _dump(folder: Path, program: Program, f: Format, on: Machine, tape: Tape, text: str, header: dict[str, Any]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    name = f"{program.name}-{on.name}-{f.number}x{f.lanes}"
+    (folder / f"{name}.ll").write_text(text)
+    (folder / f"{name}.s").write_text(on.assembly(text))
+
+
+@cache
+def _source() -> bytes:
+    """What this project's own code is: kernels made by another version are not ours."""
+    digest = hashlib.sha256()
+    root = Path(__file__).parents[1]
+    for path in sorted(root.rglob("*.py")):
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
+    return digest.digest()
+
+
+def default_threads() -> int:
+    """ARTICULATED_THREADS, or as many as there are cores for us."""
+    given = os.environ.get("ARTICULATED_THREADS")
+    if given:
+        if not given.isdecimal() or int(given) < 1:
+            raise ValueError(f"ARTICULATED_THREADS is {given!r}; expected a positive integer")
+        return int(given)
+    return _cores()
+
+
+@cache
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+_pools: list[ThreadPoolExecutor] = []
+_lock = threading.Lock()
+
+
+def _pool() -> ThreadPoolExecutor:
+    from concurrent.futures import ThreadPoolExecutor
+
+    with _lock:
+        if not _pools:
+            _pools.append(ThreadPoolExecutor(max(1, (os.cpu_count() or 1) - 1), "articulated"))
+        return _pools[0]
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_pools.clear)  # threads do not survive a fork
