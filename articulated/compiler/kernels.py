@@ -66,7 +66,7 @@ class Kernel:
 
         Args:
             arrays: each argument, then each result, with the bytes from state to state and from row to row, and the numbers of
-                the rows that turns take (None: each its own).
+                the rows that turns take (an argument with rows; else None).
             batch: number of states, one or more.
             threads: how many may share it; None is as many as are useful.
             parameters: the program's integers.
@@ -96,6 +96,10 @@ class Kernel:
         flags = self._run(ctypes.addressof(table), -(-_address(scratch) // 64) * 64, begin, end, self.tile)
         self._scratch.append(scratch)
         return flags
+
+    def cost(self, batch: int, threads: int | None) -> float:
+        """About how long it takes for a batch, if each of its chunks runs once [s]."""
+        return -(-batch // self.lanes) * self.operations * _OPERATION / self._shares(batch, threads)
 
     def _shares(self, batch: int, threads: int | None) -> int:
         blocks = -(-batch // self.lanes)

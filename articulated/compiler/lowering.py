@@ -5,10 +5,10 @@ chunk for `tile` blocks before the next, so that code which outgrows the instruc
 that is not full overlaps the one before it; if there is none, missing states repeat the last one. So nothing is read or written
 out of bounds, and a state's bits do not depend on where it stands.
 
-The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and the
-address of the numbers of the rows that the turns of a loop take (0: each its own). Then come the parameters. The scalars of a
-state are contiguous; they are transposed in registers. The kernel returns flags: 1 if an argument, 2 if a result is not finite, 4
-if a check fails.
+The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and, for
+an argument with rows, the address of the numbers of the rows that the turns of its loop take. Then come the parameters. The
+scalars of a state are contiguous; they are transposed in registers. The kernel returns flags: 1 if an argument, 2 if a result is
+not finite, 4 if a check fails.
 """
 
 from __future__ import annotations
@@ -119,19 +119,19 @@ class Lowering:
 
     def chunk(self, chunk: Chunk) -> str:
         """Write a chunk's function; its name."""
-        fn = _Function(self.f)
+        fn, f = _Function(self.f), self.f
         values: dict[int, str] = {}
         for i in chunk.nodes:
             values[i] = self._operation(fn, i, values)
             if i in self.schedule.slots:
-                self._store(fn, i, i, values)
-        moved = [(self._value(fn, source, values), target) for source, target in chunk.copies]
-        if chunk.unless is not None:
-            done = self._value(fn, chunk.unless, values)
-            kept = [(x, self._value(fn, target, {}), target) for x, target in moved]
-            mask = self.f.vector("i1")
-            moved = [(fn.let(f"select {mask} {done}, {self.V} {old}, {self.V} {x}"), target) for x, old, target in kept]
-        for x, target in moved:
+                self._store(fn, i, values[i])
+        overwritten = {target for _, target in chunk.copies}
+        early = {source: self._value(fn, source, values) for source, _ in chunk.copies if source in overwritten}
+        done = None if chunk.unless is None else self._value(fn, chunk.unless, values)
+        for source, target in chunk.copies:
+            x = early[source] if source in early else self._value(fn, source, {})
+            if done is not None:
+                x = fn.let(f"select {f.vector('i1')} {done}, {self.V} {self._value(fn, target, {})}, {self.V} {x}")
             fn.do(f"store {self.V} {x}, ptr {self._slot(fn, target)}, align {self.vector_bytes}")
         return self._finish(fn, "void", "ptr noalias %scratch", "ret void")
 
@@ -148,11 +148,11 @@ class Lowering:
                 values[i] = fn.let(f"fcmp une {self.V} {x}, zeroinitializer") if node[0] in MASKS else x
         return values[i]
 
-    def _store(self, fn: _Function, i: int, slot: int, values: dict[int, str]) -> None:
-        x, f = values[i], self.f
+    def _store(self, fn: _Function, i: int, x: str) -> None:
         if self.schedule.nodes[i][0] in MASKS:
+            f = self.f
             x = fn.let(f"select {f.vector('i1')} {x}, {self.V} {f.constant(1.0)}, {self.V} zeroinitializer")
-        fn.do(f"store {self.V} {x}, ptr {self._slot(fn, slot)}, align {self.vector_bytes}")
+        fn.do(f"store {self.V} {x}, ptr {self._slot(fn, i)}, align {self.vector_bytes}")
 
     def _operation(self, fn: _Function, i: int, values: dict[int, str]) -> str:
         f, V, N = self.f, self.V, fn.N
@@ -205,7 +205,11 @@ class Lowering:
         row = [fn.load(fn.at("%table", 32 * array + 8 * k), "i64", 8) for k in range(4)]
         address = fn.let(f"inttoptr i64 {row[0]} to ptr")
         base = fn.at(address, fn.let(f"mul i64 %base, {row[1]}"))
-        base = fn.at(base, fn.let(f"mul i64 %turn, {row[2]}"))
+        turn = "%turn"
+        if isinstance(item, Read) and item.loop:
+            turns = fn.let(f"inttoptr i64 {row[3]} to ptr")
+            turn = fn.load(fn.at(turns, fn.let("mul i64 %turn, 8")), "i64", 8)
+        base = fn.at(base, fn.let(f"mul i64 {turn}, {row[2]}"))
         rows = [fn.at(base, fn.load(fn.at("%lanes", 8 * (array * f.lanes + r)), "i64", 8)) for r in range(f.lanes)]
         groups: dict[int, dict[int, int]] = {}
         if watched and isinstance(item, Read):  # what is not used is looked at too

@@ -258,10 +258,19 @@ class _Walk:
         return sorted(writes, key=lambda entry: entry[0])
 
     def _loop(self, loop: Loop) -> list[Item]:
-        carried = [k for k, i in enumerate(loop.carried) if i in self.by_region[loop.region]]
-        enter = Chunk(copies=[(loop.initial[k], loop.carried[k]) for k in carried])
+        here = set(self.by_region[loop.region])
+        carried = [k for k, i in enumerate(loop.carried) if i in here]
+        enter = [(loop.initial[k], loop.carried[k]) for k in carried]
         moved = [(loop.following[k], loop.carried[k]) for k in carried if loop.following[k] != loop.carried[k]]
-        return [enter, Repeat(loop, [*self.region(loop.region), Chunk(copies=moved, unless=loop.until)])]
+        # what is overwritten is copied first
+        overwritten = {target for _, target in moved}
+        first = [copy for copy in moved if copy[0] in overwritten]
+        rest = [copy for copy in moved if copy[0] not in overwritten]
+        body = [*self.region(loop.region), Chunk(copies=first, unless=loop.until), *self._copies(rest, loop.until)]
+        return [*self._copies(enter, None), Repeat(loop, body)]
+
+    def _copies(self, copies: list[tuple[int, int]], unless: int | None) -> list[Item]:
+        return [Chunk(copies=copies[k : k + self.chunk // 4], unless=unless) for k in range(0, len(copies), self.chunk // 4)]
 
 
 def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) -> tuple[dict[int, int], int]:

@@ -5,40 +5,19 @@ What is wrong is said with its name, its shape, what was expected, the rig, and 
 
 from __future__ import annotations
 
-import math
 import operator
-import sys
-import warnings
-import weakref
-from collections.abc import Callable, Sequence
 from difflib import get_close_matches
-from functools import wraps
-from typing import Any, NamedTuple, ParamSpec
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from articulated.compiler import (
-    CHECK_FAILED,
-    NOT_FINITE_IN,
-    NOT_FINITE_OUT,
-    Array,
-    Kernel,
-    Program,
-    Tape,
-    compiled,
-    evaluate,
-    interpreting,
-    kernels_of,
-    light_function,
-)
-from articulated.dynamics.mechanism import content, mechanism
 from articulated.rig import Link, Rig
-from articulated.scalar import Nested, absolute, maximum
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Standard gravity [m/s²], z up."""
 
-_NORM_TOLERANCE = {np.dtype(np.float64): 1e-6, np.dtype(np.float32): 1e-4}
+NORM_TOLERANCE = {np.dtype(np.float64): 1e-6, np.dtype(np.float32): 1e-4}
+"""How far from 1 the norm of a quaternion may be."""
 
 
 class Argument(NamedTuple):
@@ -58,190 +37,6 @@ class Argument(NamedTuple):
     def fixed(self) -> bool:
         """Whether its value is part of the program: none, or the usual gravity."""
         return self.value is None or self.value is GRAVITY
-
-
-def call(
-    rig: Rig,
-    algorithm: Callable[..., Nested],
-    arguments: Sequence[Argument],
-    shape: tuple[int, ...],
-    out: np.ndarray | None,
-    threads: int | None,
-    **options: Any,
-) -> np.ndarray:
-    """Check the arguments, run the algorithm on every state, and return its results, shape (*batch, *shape).
-
-    Args:
-        rig: the rig.
-        algorithm: a function of a mechanism, a nested list of scalars for each argument, and the options.
-        arguments: what users gave.
-        shape: of the result for one state.
-        out, threads: as users gave them.
-        options: constants that the algorithm depends on.
-
-    Raises:
-        ValueError: an argument is not of numbers, has the wrong shape, is not finite, or does not broadcast with the others;
-            a quaternion is not of unit length; `out` does not fit; `threads` is not a positive number.
-    """
-    check_threads(threads)
-    given = [a for a in arguments if not a.fixed]
-    arrays = [_array(rig, a) for a in given]
-    batch = _broadcast_batch(rig, arrays, given)
-    single = all(array.dtype == np.float32 for array, a in zip(arrays, given, strict=True) if a.role != "gravity")
-    dtype = np.dtype(np.float32 if single else np.float64)
-    arrays = [array if array.dtype == dtype else array.astype(dtype) for array in arrays]
-    result = np.empty((*batch, *shape), dtype)
-    into = result if out is None else _fitting(out, result, arrays)
-    if result.size == 0:
-        for a in given:
-            checked(rig, a)
-    elif interpreting():
-        _interpret(rig, algorithm, arguments, batch, dtype, into, options)
-    else:
-        _run(rig, algorithm, arguments, arrays, batch, into, threads, options)
-    if out is not None and into is not out:
-        out[...] = into
-    return into if out is None else out
-
-
-P = ParamSpec("P")
-_lights: dict[str, dict[int, tuple[Callable[..., bool], tuple[int, ...]]]] = {}
-
-
-def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
-    """Let a public function answer for one plain state at once, if a kernel for one state is there already.
-
-    What is unusual in any way (options, keywords, other types or shapes, numbers that are not finite) goes the usual way.
-    """
-    known = _lights.setdefault(function.__name__, {})
-    empty = np.empty
-
-    @wraps(function)
-    def entry(*arguments, **options):
-        if not options and (found := known.get(id(arguments[0]))) is not None:
-            run, shape = found
-            result = empty(shape)
-            if run(*arguments[1:], result):
-                return result
-        return function(*arguments, **options)
-
-    return entry  # type: ignore[return-value]
-
-
-def _offer_light_path(rig: Rig, algorithm: Callable[..., Nested], kernel: Kernel, shape: tuple[int, ...]) -> None:
-    known = _lights.get(algorithm.__name__.strip("_"))
-    if known is not None and (run := light_function(kernel)) is not None:
-        known[id(rig)] = run, shape
-        weakref.finalize(rig, known.pop, id(rig), None).atexit = False
-
-
-def _run(
-    rig: Rig,
-    algorithm: Callable[..., Nested],
-    arguments: Sequence[Argument],
-    arrays: Sequence[np.ndarray],
-    batch: tuple[int, ...],
-    result: np.ndarray,
-    threads: int | None,
-    options: dict[str, Any],
-) -> None:
-    """Run compiled code; it looks at the numbers on the way, and what it finds is then told in words."""
-    count = math.prod(batch)
-    key = (algorithm, *options.values(), *(a.fixed for a in arguments), *(a.value is None for a in arguments))
-    kernels = kernels_of(rig)
-    key = (*key, result.dtype.char, count == 1)
-    kernel = kernels.get(key)
-    if kernel is None:
-        program = _program(rig, algorithm, arguments, result.shape[len(batch) :], options)
-        kernel = kernels[key] = compiled(program, result.dtype == np.float32, 1 if count == 1 else None)
-        plain = all(a.fixed for a in arguments if a.role in ("gravity", "optional")) and not any(options.values())
-        if count == 1 and plain and result.dtype == np.float64:
-            _offer_light_path(rig, algorithm, kernel, result.shape[len(batch) :])
-    given = [a for a in arguments if not a.fixed]
-    table = [_states(array, batch, len(a.shape)) for array, a in zip(arrays, given, strict=True)]
-    table.append((result, result.itemsize * (result.size // count), 0, None))
-    flags = kernel(table, count, threads)
-    if flags & (NOT_FINITE_IN | CHECK_FAILED):
-        for a in given:
-            checked(rig, a)
-    if flags & NOT_FINITE_OUT:
-        _warn_if_singular(rig, result, len(batch))
-
-
-def _program(
-    rig: Rig,
-    algorithm: Callable[..., Nested],
-    arguments: Sequence[Argument],
-    shape: tuple[int, ...],
-    options: dict[str, Any],
-) -> Program:
-    given = [a for a in arguments if not a.fixed]
-
-    def write(tape: Tape, *scalars: Nested) -> list[Nested]:
-        these = iter(scalars)
-        return [algorithm(mechanism(rig), *(a.value if a.fixed else next(these) for a in arguments), **options)]
-
-    def unfit(tape: Tape, *scalars: Nested) -> Any:
-        tolerance = _NORM_TOLERANCE[np.dtype(np.float32 if tape.graph.single else np.float64)]
-        worst: Any = 0.0
-        for a, q in zip(given, scalars, strict=True):
-            for where in rig.quaternions.values() if a.role == "q" else ():
-                worst = maximum(worst, absolute(sum(x * x for x in q[where]) - 1.0))
-        return worst > 1.9 * tolerance  # the square's error is twice the norm's; a little less is looked at again
-
-    name = algorithm.__name__.strip("_")
-    form = [(a.name, a.shape, a.role, a.fixed, a.value is None) for a in arguments]
-    return Program(
-        name=name,
-        content=repr((algorithm.__module__, form, shape, options)).encode() + content(rig),
-        arguments=tuple(Array(a.name, a.shape) for a in given),
-        results=(Array("result", shape),),
-        write=write,
-        unfit=unfit,
-    )
-
-
-def _interpret(
-    rig: Rig,
-    algorithm: Callable[..., Nested],
-    arguments: Sequence[Argument],
-    batch: tuple[int, ...],
-    dtype: np.dtype,
-    result: np.ndarray,
-    options: dict[str, Any],
-) -> None:
-    m, inputs = mechanism(rig), []
-    for a in arguments:
-        core = len(a.shape)
-        whole = None if a.value is None else checked(rig, a).astype(dtype, copy=False)
-        inputs.append((whole if whole is None else np.broadcast_to(whole, (*batch, *a.shape)), core))
-    evaluate(lambda *scalars: algorithm(m, *scalars, **options), inputs, result, batch)
-    _warn_if_singular(rig, result, len(batch))
-
-
-def _array(rig: Rig, a: Argument) -> np.ndarray:
-    """The argument as an array of numbers of the right shape; whether they are finite is left to look at."""
-    value = a.value
-    if type(value) is np.ndarray and value.dtype in _NORM_TOLERANCE:
-        core = len(a.shape)
-        if value.shape[value.ndim - core :] == a.shape and value.ndim >= core:
-            return value
-    return checked(rig, a)
-
-
-def _states(array: np.ndarray, batch: tuple[int, ...], core: int) -> tuple[np.ndarray, int, int, None]:
-    """An array as a kernel takes it: each state's numbers in a row, and states evenly spaced."""
-    lead = array.shape[: array.ndim - core]
-    if not array.flags.c_contiguous or lead != batch:
-        shape = array.shape[array.ndim - core :]
-        size, count = math.prod(shape), math.prod(batch)
-        if array.flags.c_contiguous and math.prod(lead) == 1:
-            return array, 0, 0, None
-        array = np.broadcast_to(array, (*batch, *shape)).reshape(count, size)  # a view if one can be had
-        if size > 1 and array.strides[1] != array.itemsize:
-            array = np.ascontiguousarray(array)
-        return array, array.strides[0], 0, None
-    return array, array.itemsize * math.prod(array.shape[array.ndim - core :]), 0, None
 
 
 def checked(rig: Rig, argument: Argument) -> np.ndarray:
@@ -298,22 +93,11 @@ def find_link(rig: Rig, link: str | int | Link) -> Link:
     return links[index]
 
 
-def _broadcast_batch(rig: Rig, arrays: Sequence[np.ndarray], given: Sequence[Argument]) -> tuple[int, ...]:
-    batches = {array.shape[: array.ndim - len(a.shape)] for array, a in zip(arrays, given, strict=True)}
-    if len(batches) == 1:
-        return batches.pop()
-    try:
-        return np.broadcast_shapes(*batches)
-    except ValueError:
-        shapes = ", ".join(f"{a.name} {array.shape}" for array, a in zip(arrays, given, strict=True))
-        raise ValueError(f"leading axes do not broadcast for rig {rig.name!r}: {shapes}") from None
-
-
 def _check_quaternions(rig: Rig, name: str, q: np.ndarray) -> None:
     for joint, where in rig.quaternions.items():
         quat = q[..., where]
         norm = np.sqrt((quat * quat).sum(axis=-1))
-        wrong = np.abs(norm - 1.0) > _NORM_TOLERANCE[q.dtype]
+        wrong = np.abs(norm - 1.0) > NORM_TOLERANCE[q.dtype]
         if np.any(wrong):
             state = tuple(int(k) for k in np.argwhere(wrong)[0])
             raise ValueError(
@@ -333,34 +117,3 @@ def _coordinate(rig: Rig, argument: Argument, where: tuple[int, ...]) -> str:
 
 def _expected(shape: tuple[int, ...]) -> str:
     return f"(..., {', '.join(map(str, shape))})" if shape else "(...)"
-
-
-def _fitting(out: np.ndarray, result: np.ndarray, arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """`out`, or if it cannot be computed into directly, `result`."""
-    if not isinstance(out, np.ndarray) or out.shape != result.shape or out.dtype != result.dtype:
-        got = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise ValueError(f"out is {got}; expected an array of {result.dtype}, shape {result.shape}")
-    if not out.flags.writeable:
-        raise ValueError("out is read-only; expected an array that can be written to")
-    direct = out.flags.c_contiguous and out.flags.aligned and not any(np.may_share_memory(out, array) for array in arrays)
-    return out if direct else result
-
-
-def _warn_if_singular(rig: Rig, result: np.ndarray, batch_axes: int) -> None:
-    if np.isfinite(result).all():
-        return
-    state = [int(k) for k in np.argwhere(~np.isfinite(result))[0][:batch_axes]]
-    warnings.warn(
-        f"the result{f' for state {state}' if state else ''} of rig {rig.name!r} is not finite: the numbers overflow, or joint "
-        "axes coincide there and the mass matrix is singular; give the joints some armature",
-        RuntimeWarning,
-        stacklevel=_caller(),
-    )
-
-
-def _caller() -> int:
-    """How far up the first frame is that is not the project's own."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(f"{__package__.partition('.')[0]}."):
-        level, frame = level + 1, frame.f_back
-    return level

@@ -23,7 +23,8 @@ from articulated.dynamics import inverse_dynamics as rnea
 from articulated.dynamics import jacobian as point_jacobian
 from articulated.dynamics import mass_matrix as crba
 from articulated.dynamics import momentum as total_momentum
-from articulated.dynamics.boundary import GRAVITY, Argument, call, find_link, light_path
+from articulated.dynamics.boundary import GRAVITY, Argument, find_link
+from articulated.dynamics.calls import call, light_path
 from articulated.dynamics.mechanism import Mechanism
 from articulated.rig import Link, Rig
 from articulated.scalar import Scalar

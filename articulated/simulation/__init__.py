@@ -3,6 +3,6 @@
 from articulated.simulation.first_order import FirstOrder, first_order
 from articulated.simulation.simulation import Simulation, simulate
 from articulated.simulation.state import State
-from articulated.simulation.steppers import INTEGRATORS
+from articulated.simulation.methods import INTEGRATORS
 
 __all__ = ["INTEGRATORS", "FirstOrder", "Simulation", "State", "first_order", "simulate"]

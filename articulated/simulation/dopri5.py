@@ -1,7 +1,7 @@
 """The adaptive method of Dormand and Prince, order 5(4), with dense output of order 4; every state has its own step.
 
 Dormand, Prince 1980; dense output: Shampine 1986, as in Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
-II.6, table 6.1. All over scalars, with no branch on a value: a state that has arrived, or failed, is kept by masks.
+II.6, table 6.1. All over scalars, with no branch on a value: what a state does not accept is kept out by masks.
 """
 
 from __future__ import annotations
@@ -68,10 +68,11 @@ class Adaptive:
     failed: Scalar
 
 
-def begin(mechanism: Mechanism, at: Point, forces: Forces, h: Scalar) -> Adaptive:
-    """A motion that starts at time 0 with a first step of h."""
+def begin(at: Point, h: Scalar) -> Adaptive:
+    """A motion that starts at time 0 with a first step of h, once `restarted` has given it a slope."""
     zero = 0.0 * at.work
-    slope = first_slope(mechanism, at, forces)
+    still = [zero] * len(at.v)
+    slope = Slope(still, still, zero)
     return Adaptive(zero, at, slope, zero + h, zero, at, [slope] * 7, zero + 1.0, zero, zero)
 
 
@@ -85,23 +86,21 @@ def first_slope(mechanism: Mechanism, at: Point, forces: Forces) -> Slope:
     return Slope(at.v, *acceleration_and_power(mechanism, at.q, at.v, forces))
 
 
-def under_way(state: Adaptive, t_end: Scalar, max_steps: int) -> Scalar:
-    """Whether a state has yet to reach `t_end`, and may."""
-    return (state.t < t_end) & (state.failed < 0.5) & (state.steps < max_steps)
+def at_rest(state: Adaptive, t_end: Scalar, max_steps: Scalar) -> Scalar:
+    """Whether a state has reached `t_end`, or never will."""
+    under_way = (state.t < t_end) & (state.failed < 0.5) & (state.steps < max_steps)
+    return where(under_way, 0.0, 1.0) > 0.5
 
 
 def attempt(
     mechanism: Mechanism,
     state: Adaptive,
     forces: Forces,
-    t_end: Scalar,
     t_stop: Scalar,
-    rtol: float,
-    atol: float,
-    max_steps: int,
+    rtol: Scalar,
+    atol: Scalar,
 ) -> Adaptive:
-    """Try one step, for those states that are under way to `t_end`; none goes beyond `t_stop`."""
-    active = under_way(state, t_end, max_steps)
+    """Try one step, not beyond `t_stop`."""
     rest = t_stop - state.t
     # the last step ends exactly there; a rest that would leave a sliver is halved
     h = where(state.h >= rest, rest, where(2.0 * state.h > rest, 0.5 * rest, state.h))
@@ -116,24 +115,24 @@ def attempt(
     slopes.append(replace(next_slope, step=step_rate(mechanism, step, arrived.v)))
     error = _error(mechanism, state.at, arrived, slopes, h, rtol, atol)
 
-    accept = active & (error <= 1.0)
+    accept = error <= 1.0
     factor = _SAFETY * exp(-0.2 * log(maximum(error, 1e-8)))
     factor = where(error == error, minimum(maximum(factor, _SHRINK), _GROW), _SHRINK)  # NaN: shrink
     factor = where(accept, factor, minimum(factor, 1.0))
     # a step cut short at t_stop says nothing against the longer one before it
     h_next = where(accept & (h < state.h), maximum(state.h, h * factor), h * factor)
-    too_short = active & (where(accept, 1.0, h_next) < _SMALLEST * maximum(absolute(state.t), 1.0))
+    too_short = where(accept, 1.0, h_next) < _SMALLEST * maximum(absolute(state.t), 1.0)
     t = where(h == rest, t_stop, state.t + h)
     return Adaptive(
         t=where(accept, t, state.t),
         at=_chosen(accept, arrived, state.at),
         slope=_chosen_slope(accept, next_slope, state.slope),
-        h=where(active, h_next, state.h),
+        h=h_next,
         t0=where(accept, state.t, state.t0),
         start=_chosen(accept, state.at, state.start),
         slopes=[_chosen_slope(accept, a, b) for a, b in zip(slopes, state.slopes, strict=True)],
         taken=where(accept, h, state.taken),
-        steps=where(active, state.steps + 1.0, state.steps),
+        steps=state.steps + 1.0,
         failed=where(too_short, 1.0, state.failed),
     )
 
@@ -147,7 +146,7 @@ def interpolated(mechanism: Mechanism, state: Adaptive, t: Scalar) -> Point:
     return _chosen(state.t == t, state.at, between)
 
 
-def _error(mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: float, atol: float) -> Scalar:
+def _error(mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: Scalar, atol: Scalar) -> Scalar:
     """Estimated error of a step over what is allowed, root mean square over coordinates."""
     total: Scalar = 0.0
     for n in range(mechanism.nv):

@@ -7,11 +7,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from articulated.compiler import evaluate
 from articulated.dynamics.boundary import GRAVITY, Argument, checked
+from articulated.dynamics.calls import call
 from articulated.dynamics.configuration import configuration_rate
-from articulated.dynamics.mechanism import mechanism
+from articulated.dynamics.mechanism import Mechanism
 from articulated.rig import Rig
+from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces, acceleration_and_power
 
 
@@ -37,7 +38,6 @@ class FirstOrder:
         self.rig = rig
         self._control, self._external = control, external
         self._gravity = checked(rig, Argument("gravity", gravity, (3,)))
-        self._mechanism = mechanism(rig)
         if control is not None and not callable(control):
             self._control = checked(rig, Argument("control", control, (rig.nv,)))
         if external is not None and not callable(external):
@@ -50,17 +50,17 @@ class FirstOrder:
         tau = self._given(self._control, "control", (self.rig.nv,), t, q, v)
         external = self._given(self._external, "external", (self.rig.nlinks, 6), t, q, v)
         tau = np.zeros(self.rig.nv) if tau is None else tau
-        m = self._mechanism
-
-        def algorithm(q, v, tau, external, gravity):
-            a, _ = acceleration_and_power(m, q, v, Forces(tau, external, gravity))
-            return [*configuration_rate(m, q, v), *a]
-
-        batch = columns.shape[:-1]
-        result = np.empty(columns.shape)
-        arguments = [(q, 1), (v, 1), (tau, 1), (external, 2), (self._gravity, 1)]
-        evaluate(algorithm, arguments, result, batch)
-        return np.moveaxis(result, -1, 0)
+        rig = self.rig
+        arguments = [
+            Argument("q", q, (rig.nq,)),
+            Argument("v", v, (rig.nv,)),
+            Argument("tau", tau, (rig.nv,)),
+            Argument("external", external, (rig.nlinks, 6)),
+            Argument("gravity", self._gravity, (3,), role="gravity"),
+        ]
+        # a solver may try what is no good: that is its own affair
+        rate = call(rig, _rate, arguments, (rig.nq + rig.nv,), None, None, watched=False)
+        return np.moveaxis(rate, -1, 0)
 
     def pack(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """y of a configuration, shape (nq,), and a velocity, shape (nv,)."""
@@ -87,6 +87,11 @@ class FirstOrder:
             return what
         answer = what(t, q, v)
         return None if answer is None else checked(self.rig, Argument(f"{name}(t={t:g})", answer, shape))
+
+
+def _rate(m: Mechanism, q, v, tau, external, gravity) -> list[Scalar]:
+    a, _ = acceleration_and_power(m, q, v, Forces(tau, external, gravity))
+    return [*configuration_rate(m, q, v), *a]
 
 
 def first_order(rig: Rig, control=None, external=None, gravity: ArrayLike = GRAVITY) -> FirstOrder:

@@ -6,18 +6,18 @@ import math
 import operator
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, checked
 from articulated.dynamics.functions import kinetic_energy, potential_energy
-from articulated.dynamics.mechanism import Mechanism, mechanism
 from articulated.rig import Rig
-from articulated.simulation.control import Schedule
+from articulated.simulation.control import Signal
+from articulated.simulation.methods import INTEGRATORS
+from articulated.simulation.rollout import Plan, Rollout
 from articulated.simulation.state import State
-from articulated.simulation.steppers import INTEGRATORS, Stepper
 from articulated.trajectory import Outcome, Trajectory
 
 _LARGEST = 1e100
@@ -55,7 +55,6 @@ class Simulation:
     max_steps: int = 100_000
     threads: int | None = None
     _gravity: tuple[float, float, float] = field(init=False, repr=False)
-    _mechanism: Mechanism = field(init=False, repr=False)
 
     def __post_init__(self):
         if self.integrator not in INTEGRATORS:
@@ -76,7 +75,6 @@ class Simulation:
             raise ValueError(f"gravity has shape {gravity.shape}; expected (3,)")
         check_threads(self.threads)
         object.__setattr__(self, "_gravity", tuple(gravity.tolist()))
-        object.__setattr__(self, "_mechanism", mechanism(self.rig))
 
     def reset(self, q: ArrayLike | None = None, v: ArrayLike | None = None) -> State:
         """A state at time 0.
@@ -110,11 +108,9 @@ class Simulation:
         Raises:
             ValueError: an array does not fit the rig, is not finite, or does not broadcast with the state.
         """
-        period = self.dt * self.substeps
-        schedule = Schedule(self.rig, state.q.shape[:-1], period, 1, control, external, self._gravity)
-        stepper = self._stepper(state, self.dt)
-        stepper.advance(schedule.forces(0, state), self.substeps, period, period)
-        return stepper.state(state.time + period, period)
+        rollout = self._rollout(state, control, external, 1, 1, self.dt * self.substeps)
+        rollout.step()
+        return replace(rollout.state(1), time=state.time + self.dt * self.substeps)
 
     def run(
         self,
@@ -153,53 +149,56 @@ class Simulation:
         start = self.reset(q0, v0)
         batch = start.q.shape[:-1]
         periods = max(1, math.ceil(1.0 / (fps * self.dt * self.substeps) - 1e-9))  # control periods a frame
-        period = 1.0 / (fps * periods)
-        schedule = Schedule(self.rig, batch, period, frames * periods, control, external, self._gravity)
-        stepper = self._stepper(start, period / self.substeps)
-        record = _Record(self.rig, batch, frames)
-        state = start
+        rollout = self._rollout(start, control, external, frames, periods, 1.0 / (fps * periods))
+        q, v, tau = (np.empty((*batch, frames + 1, n)) for n in (self.rig.nq, self.rig.nv, self.rig.nv))
+        work = np.empty((*batch, frames + 1))
         with _Bar(progress, frames, self.rig.name) as advance_bar:
-            for frame in range(frames):
-                for k in range(frame * periods, (frame + 1) * periods):
-                    forces = schedule.forces(k, state)
-                    if k == frame * periods:
-                        record.put(frame, state, schedule.tau)
-                    t_end = (k + 1) * period
-                    t_stop = t_end if schedule.changes else frames * periods * period
-                    stepper.advance(forces, self.substeps, t_end, t_stop)
-                    if schedule.asks or k + 1 == (frame + 1) * periods:
-                        state = stepper.state(t_end, t_end)
-                advance_bar()
-            record.put(frames, state, schedule.tau)
-        return self._trajectory(record, np.arange(frames + 1) / fps, stepper, period / self.substeps)
+            for some in rollout.run():
+                these = slice(some.first, some.first + some.q.shape[-2])
+                q[..., these, :], v[..., these, :], tau[..., these, :] = some.q, some.v, some.tau
+                work[..., these] = some.work
+                advance_bar(some.q.shape[-2])
+        return self._trajectory(q, v, tau, work, np.arange(frames + 1) / fps, rollout)
 
-    def _stepper(self, state: State, h: float) -> Stepper:
-        make = INTEGRATORS[self.integrator]
-        return make(self._mechanism, state, h, self.rtol, self.atol, self.max_steps)
+    def _rollout(
+        self, start: State, control: Control, external: Control, frames: int, periods: int, period: float
+    ) -> Rollout:
+        batch, total = start.work.shape, frames * periods
+        signals = (
+            Signal(self.rig, "control", (self.rig.nv,), batch, total, control),
+            Signal(self.rig, "external", (self.rig.nlinks, 6), batch, total, external),
+        )
+        h = period / self.substeps
+        plan = Plan(frames, periods, period, self.substeps, h, self.rtol, self.atol, self.max_steps)
+        return Rollout(self.rig, self.integrator, self._gravity, start, *signals, plan, self.threads)
 
-    def _trajectory(self, record: _Record, time: np.ndarray, stepper: Stepper, h: float) -> Trajectory:
+    def _trajectory(
+        self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, work: np.ndarray, time: np.ndarray, rollout: Rollout
+    ) -> Trajectory:
         # a state that overflowed, or whose energy would, has none; this is said once, below
         with np.errstate(invalid="ignore"):
-            finite = (np.abs(record.q) < _LARGEST).all(axis=-1) & (np.abs(record.v) < _LARGEST).all(axis=-1)
-        finite = np.asarray(finite)
-        q = np.where(finite[..., None], record.q, self.rig.neutral())
-        v = np.where(finite[..., None], record.v, 0.0)
-        kinetic = np.where(finite, kinetic_energy(self.rig, q, v), np.nan)
-        potential = np.where(finite, potential_energy(self.rig, q, self.gravity), np.nan)
-        outcome = stepper.outcomes()
-        outcome = np.where((outcome == Outcome.COMPLETED) & ~finite.all(axis=-1), np.int8(Outcome.DIVERGED), outcome)
-        settings = {"integrator": self.integrator, "dt": h, "substeps": self.substeps}
+            finite = np.asarray((np.abs(q) < _LARGEST).all(axis=-1) & (np.abs(v) < _LARGEST).all(axis=-1))
+        sound_q = np.where(finite[..., None], q, self.rig.neutral())
+        sound_v = np.where(finite[..., None], v, 0.0)
+        kinetic = np.where(finite, kinetic_energy(self.rig, sound_q, sound_v), np.nan)
+        potential = np.where(finite, potential_energy(self.rig, sound_q, self.gravity), np.nan)
+        outcome = np.where(finite.all(axis=-1), np.int8(Outcome.COMPLETED), np.int8(Outcome.DIVERGED))
+        if (reached := rollout.reached()) is not None:
+            t, failed = reached
+            stopped = np.where(failed, np.int8(Outcome.STEP_TOO_SMALL), np.int8(Outcome.STEP_LIMIT))
+            outcome = np.where(t >= rollout.plan.end, outcome, stopped)
+        settings = {"integrator": self.integrator, "dt": rollout.plan.h, "substeps": self.substeps}
         if self.integrator == "dopri5":
             settings |= {"rtol": self.rtol, "atol": self.atol}
         trajectory = Trajectory(
             rig=self.rig,
             time=time,
-            q=record.q,
-            v=record.v,
-            tau=record.tau,
+            q=q,
+            v=v,
+            tau=tau,
             kinetic_energy=kinetic,
             potential_energy=potential,
-            work=record.work,
+            work=work,
             outcome=np.asarray(outcome),
             settings=settings,
         )
@@ -219,17 +218,6 @@ def simulate(rig: Rig, duration: float = 5.0, *, q0=None, v0=None, fps: float = 
         ValueError: as these two do.
     """
     return Simulation(rig, **settings).run(q0, v0, duration, fps, control)
-
-
-class _Record:
-    def __init__(self, rig: Rig, batch: tuple[int, ...], frames: int):
-        self.q = np.empty((*batch, frames + 1, rig.nq))
-        self.v, self.tau = (np.zeros((*batch, frames + 1, rig.nv)) for _ in range(2))
-        self.work = np.zeros((*batch, frames + 1))
-
-    def put(self, frame: int, state: State, tau: np.ndarray) -> None:
-        self.q[..., frame, :], self.v[..., frame, :] = state.q, state.v
-        self.tau[..., frame, :], self.work[..., frame] = tau, state.work
 
 
 def _frame_count(duration: float, fps: float) -> int:
@@ -252,12 +240,12 @@ class _Bar:
 
             self.bar = tqdm(total=total, desc=name, unit="frame", delay=2.0, disable=None, leave=False)
 
-    def __enter__(self) -> Callable[[], None]:
+    def __enter__(self) -> Callable[[int], None]:
         return self._advance
 
-    def _advance(self) -> None:
+    def _advance(self, count: int) -> None:
         if self.bar is not None:
-            self.bar.update()
+            self.bar.update(count)
 
     def __exit__(self, *_) -> None:
         if self.bar is not None:

@@ -1,0 +1,113 @@
+"""Methods of integration as seen from outside: what moves a state through one control period.
+
+All over scalars. A `Motion` is whatever a method carries from step to step: a `Point`, or for dopri5 an `Adaptive`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from articulated.dynamics.mechanism import Mechanism
+from articulated.scalar import Scalar, flatten, repeat, where
+from articulated.simulation import dopri5
+from articulated.simulation.forces import Forces
+from articulated.simulation.runge_kutta import EULER, MIDPOINT, RK4, Point, Tableau, runge_kutta_step
+from articulated.simulation.semi_implicit import semi_implicit_step
+
+Motion = Any
+
+_UNLIMITED = 1 << 60
+
+
+@dataclass(frozen=True)
+class Clock:
+    """A control period, and how it is to be divided.
+
+    Attributes:
+        t_end: where it ends [s].
+        t_stop: until when the forces stay the same; steps may go beyond the period's end, but not beyond this [s].
+        h: length of a step, or of the first one to try [s].
+        rtol, atol, max_steps: of an adaptive method.
+        substeps: of one with steps of one length.
+    """
+
+    t_end: Scalar
+    t_stop: Scalar
+    h: Scalar
+    rtol: Scalar
+    atol: Scalar
+    max_steps: Scalar
+    substeps: Any
+
+
+class Fixed:
+    """Steps of one length."""
+
+    def __init__(self, step: Callable[[Mechanism, Point, Forces, Scalar], Point]):
+        self.step = step
+
+    def begin(self, start: Point, h: Scalar) -> Motion:
+        """The motion that starts at a point; complete once it is `resumed`."""
+        return start
+
+    def resumed(self, mechanism: Mechanism, motion: Motion, forces: Forces) -> Motion:
+        """The motion under new forces."""
+        return motion
+
+    def advance(self, mechanism: Mechanism, motion: Motion, forces: Forces, clock: Clock) -> Motion:
+        """The motion at the end of a control period."""
+        return repeat(clock.substeps, lambda point: self.step(mechanism, point, forces, clock.h), motion)
+
+    def at(self, mechanism: Mechanism, motion: Motion, t: Scalar) -> Point:
+        """Where it is at a time that it has just reached or passed; not a number if it never got there."""
+        return motion
+
+    def reached(self, motion: Motion) -> list[Scalar]:
+        """How far it got [s], and whether its step became too short; nothing if no step can fail."""
+        return []
+
+
+class Adaptive(Fixed):
+    """Steps of dopri5, each state its own; where forces stay the same, steps cross periods, which are interpolated."""
+
+    def __init__(self):
+        """There is nothing to choose."""
+
+    def begin(self, start: Point, h: Scalar) -> Motion:
+        return dopri5.begin(start, h)
+
+    def resumed(self, mechanism: Mechanism, motion: Motion, forces: Forces) -> Motion:
+        return dopri5.restarted(mechanism, motion, forces)
+
+    def advance(self, mechanism: Mechanism, motion: Motion, forces: Forces, clock: Clock) -> Motion:
+        def attempt(motion: Motion) -> Motion:
+            return dopri5.attempt(mechanism, motion, forces, clock.t_stop, clock.rtol, clock.atol)
+
+        def done(motion: Motion) -> Scalar:
+            return dopri5.at_rest(motion, clock.t_end, clock.max_steps)
+
+        return repeat(_UNLIMITED, attempt, motion, done)
+
+    def at(self, mechanism: Mechanism, motion: Motion, t: Scalar) -> Point:
+        point = dopri5.interpolated(mechanism, motion, t)
+        q, v, work = ([where(motion.t < t, float("nan"), x) for x in flatten(part)] for part in (point.q, point.v, point.work))
+        return Point(q, v, work[0])
+
+    def reached(self, motion: Motion) -> list[Scalar]:
+        return [motion.t, motion.failed]
+
+
+def _runge_kutta(tableau: Tableau) -> Fixed:
+    return Fixed(lambda mechanism, point, forces, h: runge_kutta_step(mechanism, tableau, point, forces, h))
+
+
+INTEGRATORS: dict[str, Fixed] = {
+    "semi_implicit": Fixed(semi_implicit_step),
+    "euler": _runge_kutta(EULER),
+    "midpoint": _runge_kutta(MIDPOINT),
+    "rk4": _runge_kutta(RK4),
+    "dopri5": Adaptive(),
+}
+"""The methods by name."""
