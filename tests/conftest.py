@@ -3,6 +3,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import articulated as art
@@ -37,3 +38,8 @@ def double_pendulum() -> art.Rig:
     builder.joint("shoulder", "ball", "base", "upper")
     builder.joint("elbow", "ball", "upper", "lower", xyz=(0.0, 0.0, -1.0))
     return builder.build()
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)

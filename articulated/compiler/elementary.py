@@ -4,8 +4,9 @@ An argument is reduced to a small interval with explicit fused multiply-adds (Co
 takes over (`tests/compiler/remez.py` makes the coefficients). What is chosen by value is chosen by masks. Each function has two
 sets of numbers, for float64 and float32.
 
-Errors in float64, `tests/compiler/test_elementary.py`: sin and cos within 1.5 ulp for |x| ≤ 1e5 (beyond, they lose accuracy slowly:
-three words of π/2 are good to 2^-160), exp, log and atan2 within 3.
+Errors in float64, measured in `tests/compiler/test_elementary.py`: sin and cos within 2 ulp for |x| ≤ 1e5, exp, log and atan2
+within 3. Beyond, sin and cos lose accuracy slowly; for |x| > 3e15 (in float32 6e6), where neighbouring numbers are about a radian
+apart, they mean nothing.
 """
 
 from __future__ import annotations

@@ -185,8 +185,8 @@ class Rollout:
 
     def _many_at_once(self) -> Iterator[Frames]:
         plan, frames = self.plan, self.plan.frames
-        work = self._kernel().cost(math.prod(self.batch), self.threads) * plan.periods * plan.substeps
-        share = max(1, min(frames, int(_PATIENCE / work)))
+        work = self._kernel().cost(math.prod(self.batch), self.threads) * plan.periods * plan.substeps  # for a frame
+        share = max(1, min(frames, int(_PATIENCE / max(work, 1e-9))))
         for first in range(0, frames, share):
             count = min(share, frames - first)
             arrays = [np.empty((*self.batch, count, *shape)) for shape in self._recorded]

@@ -20,8 +20,8 @@ from articulated.simulation.rollout import Plan, Rollout
 from articulated.simulation.state import State
 from articulated.trajectory import Outcome, Trajectory
 
-_LARGEST = 1e100
-"""A state with larger numbers than this has diverged."""
+_LARGEST = 1e15
+"""A state with larger numbers than this has diverged: an angle has no sine any more that means anything."""
 
 Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
 

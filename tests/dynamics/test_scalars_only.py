@@ -112,8 +112,8 @@ ALGORITHMS = {
 
 
 def dopri_step(m, q, v, f, g):
-    start = dopri5.begin(m, Point(q, v, 0.0 * g[0]), f, 0.001)
-    return dopri5.attempt(m, start, f, 1.0, 1.0, 1e-6, 1e-9, 100)
+    start = dopri5.restarted(m, dopri5.begin(Point(q, v, 0.0 * g[0]), 0.001), f)
+    return dopri5.attempt(m, start, f, 1.0, 1e-6, 1e-9)
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)

@@ -73,8 +73,8 @@ def test_dense_output_of_dopri5_is_of_order_4(double_pendulum, start):
     system, errors = art.first_order(double_pendulum), []
     for h in (0.1, 0.05, 0.025):
         exact = solve_ivp(system, (0.0, 0.4 * h), system.pack(*start), method="DOP853", rtol=1e-13, atol=1e-14)
-        motion = dopri5.begin(m, Point(start[0].tolist(), start[1].tolist(), 0.0), forces, h)
-        motion = dopri5.attempt(m, motion, forces, h, h, 1.0, 1.0, 10)
+        motion = dopri5.restarted(m, dopri5.begin(Point(start[0].tolist(), start[1].tolist(), 0.0), h), forces)
+        motion = dopri5.attempt(m, motion, forces, h, 1.0, 1.0)
         assert motion.t == h
         between = dopri5.interpolated(m, motion, 0.4 * h)
         errors.append(error(double_pendulum, between.q, np.array(between.v), system.unpack(exact.y[:, -1])))

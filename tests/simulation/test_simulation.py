@@ -320,8 +320,8 @@ class TestProgress:
             def __init__(self, total, **settings):
                 shown.append((total, settings["delay"]))
 
-            def update(self):
-                shown.append("frame")
+            def update(self, frames):
+                shown.extend(["frame"] * frames)
 
             def close(self):
                 shown.append("closed")
