@@ -22,6 +22,7 @@ from articulated.dynamics.functions import (
     point_wrench,
     potential_energy,
 )
+from articulated.export import export_c
 from articulated.rig import (
     Box,
     Capsule,
@@ -72,6 +73,7 @@ __all__ = [
     "bias_forces",
     "center_of_mass",
     "difference",
+    "export_c",
     "first_order",
     "forward_dynamics",
     "gravity_forces",

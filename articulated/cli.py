@@ -21,6 +21,7 @@ from articulated.trajectory.files import check_writable
 
 OK, BAD_RESULT, BAD_INPUT, BAD_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 130
 
+_GRAVITY_HELP = "m/s² (default 0 0 -9.81)"
 _EXIT_CODES = """exit codes:
   0    done, and the result is good
   1    done, but the result is not: the check disagrees, or the run's report did not pass (files are written all the same)
@@ -73,6 +74,15 @@ def _parser() -> argparse.ArgumentParser:
     check.add_argument("--samples", type=_positive(int), default=20, help="how many states (default 20)")
     check.add_argument("--seed", type=int, default=0, help="of the random states (default 0)")
 
+    export = _command(commands, "export", _export, "write a rig's dynamics as C99, for games and firmware")
+    _rig_options(export)
+    export.add_argument("-o", "--output", required=True, metavar="DIR", help="where to; made if need be")
+    export.add_argument(
+        "--function", action="append", metavar="NAME", help="may be given several times (default forward_dynamics, link_poses, step)"
+    )
+    export.add_argument("--single", action="store_true", help="float instead of double")
+    export.add_argument("--gravity", type=float, nargs=3, default=art.GRAVITY, metavar=("X", "Y", "Z"), help=_GRAVITY_HELP)
+
     _command(commands, "rigs", _rigs, "list the rigs that come with articulated")
     return parser
 
@@ -100,7 +110,7 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
     add("--dt", type=_positive(float), default=0.002, metavar="S", help="longest step, seconds (default 0.002)")
     add("--integrator", choices=list(art.INTEGRATORS), default="semi_implicit", help="default semi_implicit")
     add("--rtol", type=_positive(float), default=1e-6, help="relative tolerance of dopri5 (default 1e-6)")
-    add("--gravity", type=float, nargs=3, default=art.GRAVITY, metavar=("X", "Y", "Z"), help="m/s² (default 0 0 -9.81)")
+    add("--gravity", type=float, nargs=3, default=art.GRAVITY, metavar=("X", "Y", "Z"), help=_GRAVITY_HELP)
     add("--pose", action="append", default=[], metavar="JOINT=VALUE[,VALUE…]", help="start there: rad or m, or 90deg")
     add("--velocity", action="append", default=[], metavar="JOINT=VALUE[,VALUE…]", help="start with it: rad/s or m/s")
     add("--random", type=_positive(int), metavar="N", help="start N states at random configurations within limits")
@@ -183,6 +193,13 @@ def _check(options: argparse.Namespace) -> int:
     agree = all(one.agrees for one in comparisons)
     print(f"\n{'all agree' if agree else 'DISAGREEMENT'}")
     return OK if agree else BAD_RESULT
+
+
+def _export(options: argparse.Namespace) -> int:
+    rig = _load(options)
+    for path in art.export_c(rig, options.output, options.function, gravity=options.gravity, single=options.single):
+        print(f"wrote {path}")
+    return OK
 
 
 def _rigs(options: argparse.Namespace) -> int:

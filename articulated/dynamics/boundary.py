@@ -35,8 +35,8 @@ class Argument(NamedTuple):
 
     @property
     def fixed(self) -> bool:
-        """Whether its value is part of the program: none, or the usual gravity."""
-        return self.value is None or self.value is GRAVITY
+        """Whether its value is part of the program: none, the usual gravity, or a constant."""
+        return self.value is None or self.value is GRAVITY or self.role == "constant"
 
 
 def checked(rig: Rig, argument: Argument) -> np.ndarray:

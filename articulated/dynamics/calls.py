@@ -138,8 +138,8 @@ def _run(
     kernels = kernels_of(rig)
     kernel = kernels.get(key)
     if kernel is None:
-        program = _program(rig, algorithm, arguments, shape, watched, options)
-        kernel = kernels[key] = compiled(program, result.dtype == np.float32, 1 if count == 1 else None)
+        made = program(rig, algorithm, arguments, shape, watched=watched, **options)
+        kernel = kernels[key] = compiled(made, result.dtype == np.float32, 1 if count == 1 else None)
         plain = all(a.fixed for a in arguments if a.role in ("gravity", "optional")) and not any(options.values())
         if count == 1 and plain and result.dtype == np.float64:
             _offer_light_path(rig, algorithm, kernel, shape)
@@ -149,14 +149,16 @@ def _run(
     return kernel(table, count, threads)
 
 
-def _program(
+def program(
     rig: Rig,
     algorithm: Callable[..., Nested],
     arguments: Sequence[Argument],
     shape: tuple[int, ...],
-    watched: bool,
-    options: dict[str, Any],
+    *,
+    watched: bool = True,
+    **options: Any,
 ) -> Program:
+    """What an algorithm compiles to; of the arguments' values only those that are fixed matter. See `call`."""
     given = [a for a in arguments if not a.fixed]
 
     def write(tape: Tape, *scalars: Nested) -> list[Nested]:
@@ -172,7 +174,7 @@ def _program(
         return worst > 1.9 * tolerance  # the square's error is twice the norm's; a little less is looked at again
 
     name = algorithm.__name__.strip("_")
-    form = [(a.name, a.shape, a.role, a.fixed, a.value is None) for a in arguments]
+    form = [(a.name, a.shape, a.role, a.value if a.fixed else ...) for a in arguments]
     return Program(
         name=name,
         content=repr((algorithm.__module__, form, shape, watched, options)).encode() + content(rig),

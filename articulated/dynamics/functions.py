@@ -17,6 +17,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from articulated.compiler import Program
 from articulated.dynamics import configuration, energy, kinematics, passive
 from articulated.dynamics import forward_dynamics as aba
 from articulated.dynamics import inverse_dynamics as rnea
@@ -24,7 +25,7 @@ from articulated.dynamics import jacobian as point_jacobian
 from articulated.dynamics import mass_matrix as crba
 from articulated.dynamics import momentum as total_momentum
 from articulated.dynamics.boundary import GRAVITY, Argument, find_link
-from articulated.dynamics.calls import call, light_path
+from articulated.dynamics.calls import call, light_path, program
 from articulated.dynamics.mechanism import Mechanism
 from articulated.rig import Link, Rig
 from articulated.scalar import Scalar
@@ -338,6 +339,37 @@ def point_wrench(
     vectors = [Argument("force", force, (3,)), Argument("point", point, (3,), role="optional"), Argument("couple", couple, (3,))]
     arguments = [_q(rig, q), *vectors]
     return call(rig, kinematics.point_wrench, arguments, (rig.nlinks, 6), out, threads, link=find_link(rig, link).index)
+
+
+def programs(rig: Rig, gravity: Sequence[float] = GRAVITY) -> dict[str, Program]:
+    """What each function compiles to for one state, with nothing but its required arguments."""
+    q, v, tau, a, dv = (Argument(name, (), shape) for name, shape in _shapes(rig).items())
+    q0, q1 = q._replace(name="q0"), q._replace(name="q1")
+    none = Argument("external", None, ())
+    fall = Argument("gravity", gravity, (3,), role="constant")
+    nq, nv, n = (rig.nq,), (rig.nv,), rig.nlinks
+    table = [
+        program(rig, _forward_dynamics, [q, v, tau, none, fall], nv, joint_forces=False),
+        program(rig, _inverse_dynamics, [q, v, a, none, fall], nv),
+        program(rig, _bias_forces, [q, v, none, fall], nv),
+        program(rig, _gravity_forces, [q, fall], nv),
+        program(rig, crba.mass_matrix, [q], nv + nv),
+        program(rig, kinematics.link_poses, [q], (n, 4, 4)),
+        program(rig, kinematics.link_velocities, [q, v], (n, 6)),
+        program(rig, energy.kinetic_energy, [q, v], ()),
+        program(rig, energy.potential_energy, [q, fall], ()),
+        program(rig, configuration.integrate, [q, dv], nq),
+        program(rig, configuration.difference, [q0, q1], nv),
+        program(rig, passive.passive_forces, [v], nv),
+    ]
+    if rig.mass > 0.0:
+        table.append(program(rig, total_momentum.center_of_mass, [q], (3,)))
+        table.append(program(rig, total_momentum.momentum, [q, v], (6,)))
+    return {one.name: one for one in table}
+
+
+def _shapes(rig: Rig) -> dict[str, tuple[int, ...]]:
+    return {"q": (rig.nq,), **dict.fromkeys(("v", "tau", "a", "dv"), (rig.nv,))}
 
 
 def _forward_dynamics(m: Mechanism, q, v, tau, external, gravity, joint_forces: bool) -> list[Scalar]:

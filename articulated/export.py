@@ -1,0 +1,156 @@
+"""A rig as C, as SD/FAST had it: functions of its dynamics as source that needs nothing else."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from articulated.compiler import Array, Program, Tape
+from articulated.compiler.c_source import declaration, definition, identifier, prelude
+from articulated.dynamics.boundary import GRAVITY, Argument, checked
+from articulated.dynamics.functions import programs
+from articulated.dynamics.mechanism import mechanism
+from articulated.rig import Rig
+from articulated.scalar import Nested
+from articulated.simulation.forces import Forces
+from articulated.simulation.runge_kutta import Point
+from articulated.simulation.semi_implicit import semi_implicit_step
+
+
+def export_c(
+    rig: Rig,
+    directory: str | os.PathLike[str],
+    functions: Sequence[str] | None = None,
+    *,
+    gravity: Sequence[float] = GRAVITY,
+    single: bool = False,
+) -> list[Path]:
+    """Write a rig's dynamics as C99: a header, a source, and an example that uses them.
+
+    The functions take and give plain arrays, as their namesakes here take and give one state, and allocate nothing. `step` is one
+    step of the semi-implicit method: from q, v, tau and h to q and v. They compute what their namesakes here compute to the last
+    bit, if the compiler does not contract products and sums on its own (`-std=c99`, or `-ffp-contract=off`).
+
+    Args:
+        rig: the rig.
+        directory: where to, made if need be.
+        functions: which ones, of the public functions of dynamics and "step"; None is forward_dynamics, link_poses and step.
+        gravity: acceleration of free fall, in the world, shape (3,) [m/s²]; a constant of what is written.
+        single: float instead of double.
+
+    Returns:
+        The files written: header, source, example.
+
+    Raises:
+        ValueError: a function is unknown, or gravity is not three finite numbers.
+        OSError: a file cannot be written.
+    """
+    fall = checked(rig, Argument("gravity", gravity, (3,)))
+    if fall.shape != (3,):
+        raise ValueError(f"gravity has shape {fall.shape}; expected (3,)")
+    constant = tuple(fall.tolist())
+    known = {**programs(rig, constant), "step": _step(rig, constant)}
+    chosen = list(dict.fromkeys(functions if functions is not None else ("forward_dynamics", "link_poses", "step")))
+    for name in chosen:
+        if name not in known:
+            raise ValueError(f"function {name!r} cannot be exported; expected some of {', '.join(known)}")
+    prefix = identifier(rig.name)
+    texts = {
+        f"{prefix}.h": _header(rig, prefix, [known[name] for name in chosen], single),
+        f"{prefix}.c": _source(prefix, [known[name] for name in chosen], single),
+        "example.c": _example(rig, prefix, known[chosen[0]], single) if chosen else "int main(void) { return 0; }\n",
+    }
+    folder = Path(directory)
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in texts.items():
+        _write(folder / name, text)
+    return [folder / name for name in texts]
+
+
+def _step(rig: Rig, gravity: tuple[float, ...]) -> Program:
+    def write(tape: Tape, q: Nested, v: Nested, tau: Nested, h: Nested) -> list[Nested]:
+        point = semi_implicit_step(mechanism(rig), Point(q, v, 0.0), Forces(tau, None, gravity), h)
+        return [point.q, point.v]
+
+    arguments = (Array("q", (rig.nq,)), Array("v", (rig.nv,)), Array("tau", (rig.nv,)), Array("h"))
+    return Program("step", b"", arguments, (Array("q_next", (rig.nq,)), Array("v_next", (rig.nv,))), write)
+
+
+def _header(rig: Rig, prefix: str, chosen: Sequence[Program], single: bool) -> str:
+    guard = f"{prefix.upper()}_H"
+    joints = "\n".join(
+        f" *   {joint.name}: {joint.kind}, q[{joint.q_slice.start}:{joint.q_slice.stop}], v[{joint.v_slice.start}:{joint.v_slice.stop}]"
+        for joint in rig.joints.values()
+        if not joint.mimic
+    ).replace("*/", "* /")
+    lines = [
+        f"/* Dynamics of the rig '{rig.name.replace('*/', '* /')}', written by articulated.",
+        " *",
+        " * SI units; quaternions are xyzw. Joints:",
+        joints,
+        " */",
+        f"#ifndef {guard}",
+        f"#define {guard}",
+        "#ifdef __cplusplus",
+        'extern "C" {',
+        "#endif",
+        "",
+        f"enum {{ {prefix.upper()}_NQ = {rig.nq}, {prefix.upper()}_NV = {rig.nv}, {prefix.upper()}_NLINKS = {rig.nlinks} }};",
+        "",
+        *(f"{declaration(program, prefix, single)};" for program in chosen),
+        "",
+        "#ifdef __cplusplus",
+        "}",
+        "#endif",
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _source(prefix: str, chosen: Sequence[Program], single: bool) -> str:
+    start = f'/* Compile with -std=c99 or -ffp-contract=off for the bits that articulated has. */\n#include "{prefix}.h"\n'
+    return "\n".join([start + prelude(single), *(definition(program, prefix, single) for program in chosen)])
+
+
+def _example(rig: Rig, prefix: str, program: Program, single: bool) -> str:
+    real = "float" if single else "double"
+    values = {"q": rig.neutral(), "q0": rig.neutral(), "q1": rig.neutral(), "h": np.array([0.001])}
+    lines = []
+    for array in program.arguments:
+        numbers = values.get(array.name, np.zeros(max(1, array.size)))
+        lines.append(f"    {real} {array.name}[] = {{{', '.join(repr(float(x)) for x in np.atleast_1d(numbers))}}};")
+    last = program.results[-1]
+    for array in program.results:
+        lines.append(f"    {real} {array.name}[{max(1, array.size)}];")
+    names = ", ".join(array.name for array in (*program.arguments, *program.results))
+    return f"""/* cc -std=c99 -O2 example.c {prefix}.c -o example && ./example */
+#include <stdio.h>
+#include "{prefix}.h"
+
+int main(void)
+{{
+{chr(10).join(lines)}
+    int k;
+    {prefix}_{program.name}({names});
+    for (k = 0; k < {last.size}; ++k)
+        printf("%.17g\\n", (double){last.name}[k]);
+    return 0;
+}}
+"""
+
+
+def _write(path: Path, text: str) -> None:
+    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
+    try:
+        with os.fdopen(handle, "w") as file:
+            file.write(text)
+        os.chmod(name, 0o644)
+        os.replace(name, path)
+    except BaseException:
+        os.unlink(name)
+        raise
