@@ -108,12 +108,14 @@ class Lowering:
         self.V = f.vector(f.number)
         self.vector_bytes = f.bytes * f.lanes
         self.functions: list[str] = []
+        self.tables: list[str] = []
+        self.extra: dict[int | None, int] = {}
         self.declared: set[str] = set()
 
     @property
     def scratch(self) -> int:
         """Bytes of scratch for one block of states."""
-        return max(1, self.schedule.size) * self.vector_bytes
+        return max(1, self.schedule.size + len(self.extra)) * self.vector_bytes
 
     # chunks
 
@@ -198,41 +200,107 @@ class Lowering:
 
     # arrays
 
-    def transfer(self, item: Read | Write, watched: bool) -> str:
-        """Write the function that moves an array's scalars to or from their slots; it returns whether one is not finite."""
-        fn, f = _Function(self.f), self.f
-        array = item.array + (len(self.program.arguments) if isinstance(item, Write) else 0)
-        row = [fn.load(fn.at("%table", 32 * array + 8 * k), "i64", 8) for k in range(4)]
-        address = fn.let(f"inttoptr i64 {row[0]} to ptr")
-        base = fn.at(address, fn.let(f"mul i64 %base, {row[1]}"))
-        turn = "%turn"
-        if isinstance(item, Read) and item.loop:
-            turns = fn.let(f"inttoptr i64 {row[3]} to ptr")
-            turn = fn.load(fn.at(turns, fn.let("mul i64 %turn, 8")), "i64", 8)
-        base = fn.at(base, fn.let(f"mul i64 {turn}, {row[2]}"))
-        rows = [fn.at(base, fn.load(fn.at("%lanes", 8 * (array * f.lanes + r)), "i64", 8)) for r in range(f.lanes)]
+    def transfer(self, item: Read | Write) -> tuple[str, int, int]:
+        """Write down which scalars an item moves: the name of that table, and how many groups in it are full, and are not.
+
+        A group is as many neighbouring scalars as there are lanes. The table has for each where it begins [bytes], how many
+        scalars there are, and the place of each in scratch [bytes].
+        """
+        f = self.f
         groups: dict[int, dict[int, int]] = {}
-        if watched and isinstance(item, Read):  # what is not used is looked at too
-            groups = {first: {} for first in range(0, self.arrays[array].size, f.lanes)}
+        size = self.arrays[item.array + (len(self.program.arguments) if isinstance(item, Write) else 0)].size
+        if self.program.watched and isinstance(item, Read):  # what is not used is looked at too
+            groups = {first: {} for first in range(0, size, f.lanes)}
         for k, i in item.scalars:
             groups.setdefault(k - k % f.lanes, {})[k % f.lanes] = i
-        seen: list[str] = []
+        rows: list[list[int]] = []
         for first, nodes in groups.items():
-            if isinstance(item, Read):
-                present = range(min(f.lanes, self.arrays[array].size - first)) if watched else nodes
-                seen += self._read(fn, rows, first, nodes, present)
+            present = min(f.lanes, size - first)
+            places = [self._place(nodes.get(k)) for k in range(f.lanes)]
+            rows.append([first * f.bytes, present, *places])
+        rows.sort(key=lambda row: -row[1])
+        full = sum(row[1] == f.lanes for row in rows)
+        name = f"@groups{len(self.tables)}"
+        kind = f"[{2 + f.lanes} x i32]"
+        entries = ", ".join(f"{kind} [{', '.join(f'i32 {x}' for x in row)}]" for row in rows)
+        self.tables.append(f"{name} = internal constant [{len(rows)} x {kind}] [{entries}]")
+        return name, full, len(rows) - full
+
+    def _place(self, i: int | None) -> int:
+        """Where a node is in scratch; constants are put there, and what nobody wants has a place too."""
+        if i is not None and self.schedule.nodes[i][0] != "const":
+            return self.schedule.slot(i) * self.vector_bytes
+        slot = self.extra.setdefault(i, self.schedule.size + len(self.extra))
+        return slot * self.vector_bytes
+
+    def constants(self) -> str:
+        """Write the function that puts constants into scratch."""
+        fn = _Function(self.f)
+        for i, slot in self.extra.items():
+            if i is not None:
+                x = self.f.constant(self.schedule.nodes[i][1])
+                fn.do(f"store {self.V} {x}, ptr {fn.at('%scratch', slot * self.vector_bytes)}, align {self.vector_bytes}")
+        return self._finish(fn, "void", "ptr noalias %scratch", "ret void")
+
+    def mover(self, reads: bool) -> str:
+        """The function that moves groups of scalars from an array to scratch, or back; returns whether one is not finite."""
+        fn, f, V = _Function(self.f), self.f, self.V
+        row = [fn.load(fn.at("%entry", 8 * k), "i64", 8) for k in range(3)]
+        base = fn.at(fn.let(f"inttoptr i64 {row[0]} to ptr"), fn.let(f"mul i64 %base, {row[1]}"))
+        base = fn.at(base, fn.let(f"mul i64 %turn, {row[2]}"))
+        rows = [fn.at(base, fn.load(fn.at("%lanes", 8 * r), "i64", 8)) for r in range(f.lanes)]
+        sums, before = [f.constant(0.0)] * min(4, f.lanes), "start"
+        groups = "%groups"
+        for part, count in (("full", "%full"), ("rest", "%rest")):
+            fn.do(f"br label %{part}.head")
+            fn.lines.append(f"{part}.head:")
+            k, phis = f"%k.{part}", len(fn.lines)
+            fn.do(f"br i1 {fn.let(f'icmp slt i64 {k}, {count}')}, label %{part}.turn, label %{part}.end")
+            fn.lines.append(f"{part}.turn:")
+            group = fn.at(groups, fn.let(f"mul i64 {k}, {4 * (2 + f.lanes)}"))
+            first = fn.let(f"sext i32 {fn.load(group, 'i32', 4)} to i64")
+            mask = ""
+            if part == "rest" and f.lanes > 1:
+                present = fn.load(fn.at(group, 4), "i32", 4)
+                kind = f"<{f.lanes} x i32>"
+                spread = fn.let(f"insertelement {kind} poison, i32 {present}, i32 0")
+                spread = fn.let(f"shufflevector {kind} {spread}, {kind} poison, {kind} zeroinitializer")
+                numbers = ", ".join(f"i32 {n}" for n in range(f.lanes))
+                mask = fn.let(f"icmp slt {kind} <{numbers}>, {spread}")
+            places = [
+                fn.at("%scratch", fn.let(f"sext i32 {fn.load(fn.at(group, 8 + 4 * n), 'i32', 4)} to i64"))
+                for n in range(f.lanes)
+            ]
+            ends = [fn.at(pointer, first) for pointer in rows]
+            if reads:
+                seen = [self._row_load(fn, pointer, mask) for pointer in ends]
+                for x, place in zip(self._transposed(fn, seen), places, strict=True):
+                    fn.do(f"store {V} {x}, ptr {place}, align {self.vector_bytes}")
             else:
-                seen += self._write(fn, rows, first, nodes)
-        flag = "0"
-        if watched and seen:
-            sums = [f.constant(0.0)] * min(4, len(seen))
-            for k, x in enumerate(seen):
-                sums[k % len(sums)] = fn.call("fma", x, f.constant(0.0), sums[k % len(sums)])
-            total = sums[0]
-            for x in sums[1:]:
-                total = fn.let(f"fadd {self.V} {total}, {x}")
-            flag = self._any(fn, fn.let(f"fcmp uno {self.V} {total}, {total}"))
-        return self._finish(fn, "i64", "ptr %table, ptr %lanes, ptr noalias %scratch, i64 %base, i64 %turn", f"ret i64 {flag}")
+                seen = [fn.load(place, V, self.vector_bytes) for place in places]
+                for x, pointer in zip(self._transposed(fn, seen), ends, strict=True):
+                    self._row_store(fn, x, pointer, mask)
+            totals = [f"%sum.{part}{n}" for n in range(len(sums))]
+            for n, x in enumerate(seen):  # 0 x is a number if x is one
+                totals[n % len(sums)] = fn.call("fma", x, f.constant(0.0), totals[n % len(sums)])
+            fn.do(f"{k}.next = add i64 {k}, 1")
+            fn.do(f"br label %{part}.head")
+            fn.lines.append(f"{part}.end:")
+            fn.lines[phis:phis] = [f"  {k} = phi i64 [ 0, %{before} ], [ {k}.next, %{part}.turn ]"] + [
+                f"  %sum.{part}{n} = phi {V} [ {x}, %{before} ], [ {total}, %{part}.turn ]"
+                for n, (x, total) in enumerate(zip(sums, totals, strict=True))
+            ]
+            sums, before = [f"%sum.{part}{n}" for n in range(len(sums))], f"{part}.end"
+            groups = fn.at(groups, fn.let(f"mul i64 %full, {4 * (2 + f.lanes)}"))
+        total = sums[0]
+        for x in sums[1:]:
+            total = fn.let(f"fadd {V} {total}, {x}")
+        flag = self._any(fn, fn.let(f"fcmp uno {V} {total}, {total}"))
+        arguments = "ptr %entry, ptr %lanes, ptr noalias %scratch, i64 %base, i64 %turn, ptr %groups, i64 %full, i64 %rest"
+        fn.lines.insert(0, "start:")
+        return "\n".join(
+            [f"define internal i64 @{'read' if reads else 'write'}({arguments}) #0 {{", *fn.lines, f"  ret i64 {flag}", "}"]
+        )
 
     def _any(self, fn: _Function, mask: str) -> str:
         if self.f.lanes == 1:
@@ -240,62 +308,21 @@ class Lowering:
         whole = fn.let(f"bitcast <{self.f.lanes} x i1> {mask} to i{self.f.lanes}")
         return fn.let(f"zext i1 {fn.let(f'icmp ne i{self.f.lanes} {whole}, 0')} to i64")
 
-    def _read(
-        self, fn: _Function, rows: list[str], first: int, nodes: dict[int, int], present: Collection[int]
-    ) -> list[str]:
-        """Read the scalars `present`, from the first on, and store those that are nodes."""
+    def _row_load(self, fn: _Function, pointer: str, mask: str) -> str:
         f, V = self.f, self.V
-        if len(present) <= f.lanes // 4 or f.lanes == 1:  # a few scalars: one by one
-            vectors = {}
-            for k in present:
-                parts = [fn.load(fn.at(row, (first + k) * f.bytes), f.number, f.bytes) for row in rows]
-                vectors[k] = self._gathered(fn, parts)
-            seen = list(vectors.values())
-        else:
-            seen = [self._row_load(fn, fn.at(row, first * f.bytes), present) for row in rows]
-            vectors = dict(enumerate(self._transposed(fn, seen))) if nodes else {}
-        for k, i in nodes.items():
-            fn.do(f"store {V} {vectors[k]}, ptr {self._slot(fn, i)}, align {self.vector_bytes}")
-        return seen
-
-    def _gathered(self, fn: _Function, parts: list[str]) -> str:
-        if self.f.lanes == 1:
-            return parts[0]
-        x = "poison"
-        for r, part in enumerate(parts):
-            x = fn.let(f"insertelement {self.V} {x}, {self.f.number} {part}, i32 {r}")
-        return x
-
-    def _mask(self, nodes: Collection[int]) -> str:
-        return f"<{', '.join(f'i1 {int(k in nodes)}' for k in range(self.f.lanes))}>"
-
-    def _row_load(self, fn: _Function, pointer: str, nodes: Collection[int]) -> str:
-        f, V = self.f, self.V
-        if len(nodes) == f.lanes:
+        if not mask:
             return fn.load(pointer, V, f.bytes)
-        mask = f"<{f.lanes} x i1> {self._mask(nodes)}"
         self.declared.add(f"declare {V} @llvm.masked.load.{f.suffix}.p0(ptr, i32, <{f.lanes} x i1>, {V})")
-        return fn.let(f"call {V} @llvm.masked.load.{f.suffix}.p0(ptr {pointer}, i32 {f.bytes}, {mask}, {V} zeroinitializer)")
+        given = f"ptr {pointer}, i32 {f.bytes}, <{f.lanes} x i1> {mask}, {V} zeroinitializer"
+        return fn.let(f"call {V} @llvm.masked.load.{f.suffix}.p0({given})")
 
-    def _write(self, fn: _Function, rows: list[str], first: int, nodes: dict[int, int]) -> list[str]:
+    def _row_store(self, fn: _Function, x: str, pointer: str, mask: str) -> None:
         f, V = self.f, self.V
-        vectors = {k: self._value(fn, i, {}) for k, i in nodes.items()}
-        if len(nodes) <= f.lanes // 4 or f.lanes == 1:
-            for k, x in vectors.items():
-                for r, row in enumerate(rows):
-                    part = x if f.lanes == 1 else fn.let(f"extractelement {V} {x}, i32 {r}")
-                    fn.do(f"store {f.number} {part}, ptr {fn.at(row, (first + k) * f.bytes)}, align {f.bytes}")
-            return list(vectors.values())
-        columns = self._transposed(fn, [vectors.get(k, "zeroinitializer") for k in range(f.lanes)])
-        for row, x in zip(rows, columns, strict=True):
-            pointer = fn.at(row, first * f.bytes)
-            if len(nodes) == f.lanes:
-                fn.do(f"store {V} {x}, ptr {pointer}, align {f.bytes}")
-            else:
-                self.declared.add(f"declare void @llvm.masked.store.{f.suffix}.p0({V}, ptr, i32, <{f.lanes} x i1>)")
-                mask = f"<{f.lanes} x i1> {self._mask(nodes)}"
-                fn.do(f"call void @llvm.masked.store.{f.suffix}.p0({V} {x}, ptr {pointer}, i32 {f.bytes}, {mask})")
-        return list(vectors.values())
+        if not mask:
+            fn.do(f"store {V} {x}, ptr {pointer}, align {f.bytes}")
+            return
+        self.declared.add(f"declare void @llvm.masked.store.{f.suffix}.p0({V}, ptr, i32, <{f.lanes} x i1>)")
+        fn.do(f"call void @llvm.masked.store.{f.suffix}.p0({V} {x}, ptr {pointer}, i32 {f.bytes}, <{f.lanes} x i1> {mask})")
 
     def _transposed(self, fn: _Function, rows: Sequence[str]) -> list[str]:
         """A square of numbers, its rows turned into columns: neighbours exchange halves, at distance 1, 2, 4 …"""
@@ -384,21 +411,21 @@ class Lowering:
 
     def kernel(self) -> str:
         """The whole module."""
-        driver = _Driver(self)
+        f, driver = self.f, _Driver(self)
         driver.items(self.schedule.items, None)
-        f = self.f
+        driver.first(self.constants())
         declarations = [
             f"declare {self.V} @llvm.fma.{f.suffix}({self.V}, {self.V}, {self.V})",
             f"declare {self.V} @llvm.sqrt.{f.suffix}({self.V})",
             f"declare {self.V} @llvm.fabs.{f.suffix}({self.V})",
-            *sorted(self.declared),
         ]
         if f.lanes == 1 and not f.single and self.scratch <= STACK:
             driver_text = driver.text() + "\n" + self.light()
         else:
             driver_text = driver.text()
         attributes = 'attributes #0 = { nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
-        return "\n".join([*self.functions, driver_text, *declarations, attributes, ""])
+        moves = [self.mover(reads=True), self.mover(reads=False)]
+        return "\n".join([*self.tables, *self.functions, *moves, driver_text, *declarations, *sorted(self.declared), attributes, ""])
 
 
 PATTERN = (52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD), (23, 0x3F800000, 0x3F3504F3)
@@ -452,14 +479,22 @@ class _Driver:
                 self.transfer(item)
 
     def transfer(self, item: Read | Write) -> None:
-        watched = self.lowering.program.watched and not item.loop
-        name = self.lowering.transfer(item, watched)
+        lowering, reads = self.lowering, isinstance(item, Read)
+        name, full, rest = lowering.transfer(item)
+        lanes = lowering.f.lanes
+        array = item.array + (0 if reads else len(lowering.program.arguments))
+        entry = self.let(f"getelementptr i64, ptr %table, i64 {4 * array}")
+        offsets = self.let(f"getelementptr i64, ptr %lanes, i64 {array * lanes}")
         turn = self.let(f"load i64, ptr {self.turn(item.loop)}")
+        if reads and item.loop:
+            turns = self.let(f"load ptr, ptr {self.let(f'getelementptr i64, ptr {entry}, i64 3')}")
+            turn = self.let(f"load i64, ptr {self.let(f'getelementptr i64, ptr {turns}, i64 {turn}')}")
         flag = self.each(
-            lambda scratch, base: f"call i64 {name}(ptr %table, ptr %lanes, ptr {scratch}, i64 {base}, i64 {turn})"
+            lambda scratch, base: f"call i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}, ptr {scratch}, "
+            f"i64 {base}, i64 {turn}, ptr {name}, i64 {full}, i64 {rest})"
         )
-        if watched:
-            self.flag(flag, NOT_FINITE_IN if isinstance(item, Read) else NOT_FINITE_OUT)
+        if lowering.program.watched and not item.loop:
+            self.flag(flag, NOT_FINITE_IN if reads else NOT_FINITE_OUT)
 
     def flag(self, some: str, bit: int) -> None:
         flags = self.let("load i64, ptr %flags")
@@ -477,7 +512,7 @@ class _Driver:
         self.begin(label)
         self.lines.append(f"  {t} = phi i64 [ 0, %{previous} ], [ {t_next}, %{label} ]")
         self.lines.append(f"  {some} = phi i64 [ 0, %{previous} ], [ {some_next}, %{label} ]")
-        scratch = self.let(f"getelementptr i8, ptr %scratch, i64 {self.let(f'mul i64 {t}, {self.lowering.scratch}')}")
+        scratch = self.let(f"getelementptr i8, ptr %scratch, i64 {self.let(f'mul i64 {t}, %size')}")
         ahead = self.let(f"add i64 %b, {self.let(f'mul i64 {t}, {self.lowering.f.lanes}')}")
         base = self.let(f"call i64 @llvm.smin.i64(i64 {ahead}, i64 %limit)")
         text = call(scratch, base)
@@ -512,6 +547,14 @@ class _Driver:
         self.jump(head)
         self.begin(end)
 
+    def first(self, name: str) -> None:
+        """Call a function for each block before anything else."""
+        lines, self.lines, block, self.block = self.lines, [], self.block, "items"
+        self.each(lambda scratch, base: f"call void {name}(ptr {scratch})")
+        start = self.lines
+        self.lines = [*start, *(line.replace("%items ]", f"%{self.block} ]") for line in lines)]
+        self.block = block
+
     def text(self) -> str:
         """The function, once all items are written."""
         lowering = self.lowering
@@ -527,6 +570,7 @@ class _Driver:
             "  store i64 0, ptr %flags",
             "  %count = sub i64 %end, %begin",
             "  %final = sub i64 %count, 1",
+            f"  %size = add i64 0, {lowering.scratch}",
             f"  %overlap = sub i64 %end, {lanes}",
             "  %limit = call i64 @llvm.smax.i64(i64 %overlap, i64 %begin)",
         ]
