@@ -36,8 +36,8 @@ class Machine:
         versions = (llvmlite.__version__, llvm.llvm_version_info, llvm.get_default_triple())
         return repr((*python, *versions, self.name, self.cpu, self.features)).encode()
 
-    @cached_property
     def _target(self) -> llvm.TargetMachine:
+        # a new one each time: an execution engine owns the one that it is given, and frees it
         target = llvm.Target.from_default_triple()
         return target.create_target_machine(cpu=self.cpu, features=self.features, opt=2, reloc="pic", codemodel="small")
 
@@ -45,15 +45,15 @@ class Machine:
         """Compile a module."""
         module = llvm.parse_assembly(text)
         module.triple = llvm.get_default_triple()
-        return self._target.emit_object(module)
+        return self._target().emit_object(module)
 
     def assembly(self, text: str) -> str:
         """The module in assembly language, for people."""
-        return self._target.emit_assembly(llvm.parse_assembly(text))
+        return self._target().emit_assembly(llvm.parse_assembly(text))
 
     def load(self, code: bytes) -> llvm.ExecutionEngine:
         """Object code in memory, ready to run for as long as what is returned lives."""
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._target)
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._target())
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
         return engine

@@ -1,0 +1,301 @@
+"""Prints the tables of benchmarks/README.md.
+
+    pip install -e '.[benchmark]'   # and g++ and libeigen3-dev for native Pinocchio
+    python benchmarks/run.py        # or with the names of some tables; --no-native leaves native Pinocchio out
+
+Contenders take turns in one run on one core (native Pinocchio in a process of its own on the same core); a turn lasts at least
+30 ms; what is printed are medians, and medians of ratios turn by turn.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ctypes
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+
+import numpy as np
+from peers import Native, Pinocchio, mujoco_forward
+from rigs import ROBOTS, chain, robot
+from timing import median, pin_to_one_core, ratio, setting, timed, turns
+
+import articulated as art
+from articulated.compiler import Tape
+from articulated.compiler.schedule import schedule
+from articulated.dynamics.functions import programs
+
+STATES = 4096
+
+
+def states(rig: art.Rig, count: int, dtype=np.float64) -> list[np.ndarray]:
+    rng = np.random.default_rng(0)
+    return [x.astype(dtype) for x in (rig.random(rng, count), *rng.normal(size=(2, count, rig.nv)))]
+
+
+def flops(rig: art.Rig, function: str) -> int:
+    """Floating-point operations of the compiled program, a fused multiply-add as two."""
+    tape = Tape(programs(rig)[function], False)
+    weights = {"fma": 2, "fms": 2, "fnma": 2, "add": 1, "sub": 1, "mul": 1, "div": 1, "sqrt": 1}
+    return sum(weights.get(node[0], 0) for node in schedule(tape.graph, tape.outputs, None, 8).operations())
+
+
+def peak() -> float:
+    """What the core can do at most: a loop of nothing but fused multiply-adds [flop/s]."""
+    from articulated.compiler.machine import machine
+
+    on = machine()
+    lanes, chains = on.register // 8, 12
+    V = f"<{lanes} x double>"
+    phis = [f"  %a{k} = phi {V} [ zeroinitializer, %entry ], [ %b{k}, %loop ]" for k in range(chains)]
+    work = [f"  %b{k} = call {V} @llvm.fma.v{lanes}f64({V} %x, {V} %x, {V} %a{k})" for k in range(chains)]
+    sums = [f"  %s{k + 1} = fadd {V} {'%b0' if k == 0 else f'%s{k}'}, %b{k + 1}" for k in range(chains - 1)]
+    text = f"""
+define void @work(i64 %n, ptr %p) {{
+entry:
+  %x = load {V}, ptr %p, align 8
+  br label %loop
+loop:
+  %k = phi i64 [ 0, %entry ], [ %next, %loop ]
+{chr(10).join(phis + work)}
+  %next = add i64 %k, 1
+  %more = icmp slt i64 %next, %n
+  br i1 %more, label %loop, label %end
+end:
+{chr(10).join(sums)}
+  store {V} %s{chains - 1}, ptr %p, align 8
+  ret void
+}}
+declare {V} @llvm.fma.v{lanes}f64({V}, {V}, {V})
+"""
+    engine = on.load(on.object_code(text))
+    work_function = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(engine.get_function_address("work"))
+    numbers, count = np.zeros(lanes), 200_000
+    taken = turns({"peak": timed(lambda: work_function(count, numbers.ctypes.data))})
+    return 2.0 * lanes * chains * count / median(taken, "peak")
+
+
+def throughput(native: bool) -> None:
+    """`forward_dynamics` on 4096 states, float64, one thread."""
+    most = peak()
+    print(f"\nThis core does at most {most * 1e-9:.0f} GF/s. Nanoseconds per state:\n")
+    print("| rig | dof | articulated | of the peak | `abaInParallel` | ratio | Pinocchio, native | ratio |")
+    print("|---|---|---|---|---|---|---|---|")
+    for name in ROBOTS:
+        rig = robot(name)
+        q, v, tau = states(rig, STATES)
+        theirs = Pinocchio(rig, q, v, tau)
+        contenders = {"ours": timed(lambda: art.forward_dynamics(rig, q, v, tau, threads=1))}
+        contenders["pinocchio"] = theirs.batch["forward_dynamics"]
+        if native:
+            contenders["native"] = scaled(Native(theirs.model, STATES).contender("forward_dynamics"))
+        taken = turns(contenders)
+        ns = {who: median(taken, who) / STATES * 1e9 for who in contenders}
+        share = flops(rig, "forward_dynamics") / ns["ours"] / most * 1e9
+        last = f"{ns['native']:.0f} | {ratio(taken, 'native', 'ours'):.1f}" if native else "- | -"
+        print(
+            f"| {name} | {rig.nv} | {ns['ours']:.1f} | {share:.0%} | {ns['pinocchio']:.0f} | "
+            f"{ratio(taken, 'pinocchio', 'ours'):.1f} | {last} |",
+            flush=True,
+        )
+
+
+def scaled(measure: Callable[[], float]) -> Callable[[], float]:
+    return lambda: STATES * measure()
+
+
+def functions(native: bool) -> None:
+    """Other functions on 4096 states of G1, float64, one thread."""
+    rig = robot("G1")
+    q, v, tau = states(rig, STATES)
+    theirs = Pinocchio(rig, q, v, tau)
+    process = Native(theirs.model, STATES) if native else None
+    print("\nNanoseconds per state:\n\n| function | articulated | Pinocchio | ratio | Pinocchio, native | ratio |")
+    print("|---|---|---|---|---|---|")
+    for name, run in (
+        ("inverse_dynamics", lambda: art.inverse_dynamics(rig, q, v, tau, threads=1)),
+        ("mass_matrix", lambda: art.mass_matrix(rig, q, threads=1)),
+    ):
+        contenders = {"ours": timed(run)}
+        if name in theirs.batch:
+            contenders["pinocchio"] = theirs.batch[name]
+        if process is not None:
+            contenders["native"] = scaled(process.contender(name))
+        taken = turns(contenders)
+        cells = [f"{median(taken, 'ours') / STATES * 1e9:.1f}"]
+        for who in ("pinocchio", "native"):
+            cells += [f"{median(taken, who) / STATES * 1e9:.0f}", f"{ratio(taken, who, 'ours'):.1f}"] if who in taken else ["-", "-"]
+        print(f"| {name} | {' | '.join(cells)} |", flush=True)
+
+
+def formats(native: bool) -> None:
+    """float32 against float64, one thread; two threads against one (not pinned): `forward_dynamics`, 4096 and 65536 states."""
+    print("\n| rig | float32 over float64 | two threads, 4096 states | two threads, 65536 states |\n|---|---|---|---|")
+    pinned = os.sched_getaffinity(0)
+    for name in ROBOTS:
+        rig = robot(name)
+        double, single = states(rig, STATES), states(rig, STATES, np.float32)
+        one = turns(
+            {
+                "double": timed(lambda: art.forward_dynamics(rig, *double, threads=1)),
+                "single": timed(lambda: art.forward_dynamics(rig, *single, threads=1)),
+            }
+        )
+        os.sched_setaffinity(0, ALL_CORES)
+        cells = []
+        for count in (STATES, 16 * STATES):
+            many = states(rig, count)
+            out = np.empty((count, rig.nv))
+            both = turns({str(n): timed(lambda n=n: art.forward_dynamics(rig, *many, out=out, threads=n)) for n in (1, 2)})
+            cells.append(f"{ratio(both, '1', '2'):.2f}")
+        os.sched_setaffinity(0, pinned)
+        print(f"| {name} | {ratio(one, 'double', 'single'):.2f} | {' | '.join(cells)} |", flush=True)
+
+
+def single(native: bool) -> None:
+    """One state from Python: `forward_dynamics(rig, q, v, tau)` against `pin.aba` and `mujoco.mj_forward`."""
+    print("\nMicroseconds a call:\n\n| rig | articulated | `pin.aba` | ours over theirs | `mj_forward` | ours over theirs |")
+    print("|---|---|---|---|---|---|")
+    for name in ROBOTS:
+        rig = robot(name)
+        q, v, tau = states(rig, 1)
+        one = [x[0].copy() for x in (q, v, tau)]
+        art.forward_dynamics(rig, *one)
+        contenders = {
+            "ours": timed(lambda: art.forward_dynamics(rig, *one)),
+            "aba": Pinocchio(rig, q, v, tau).single,
+            "mujoco": mujoco_forward(rig, *one),
+        }
+        taken = turns(contenders)
+        us = {who: median(taken, who) * 1e6 for who in contenders}
+        print(
+            f"| {name} | {us['ours']:.2f} | {us['aba']:.2f} | {ratio(taken, 'ours', 'aba'):.2f} | {us['mujoco']:.2f} | "
+            f"{ratio(taken, 'ours', 'mujoco'):.2f} |",
+            flush=True,
+        )
+
+
+_TO_COMPILE = """
+import sys, time, warnings
+sys.path.insert(0, {folder!r})
+import numpy as np
+from rigs import chain, robot
+import articulated as art
+rig = {rig}
+q, v = np.tile(rig.neutral(), (64, 1)), np.zeros((64, rig.nv))
+art.mass_matrix(chain(1), np.zeros((2, 1)))  # LLVM itself is loaded
+began = time.perf_counter()
+art.forward_dynamics(rig, q, v, v)
+print(time.perf_counter() - began)
+"""
+
+
+def compiling(native: bool) -> None:
+    """From the first call of `forward_dynamics` on a batch to its result: compiled from nothing, and from the disk cache."""
+    print("\nSeconds:\n\n| rig | from nothing | per link | from the cache |\n|---|---|---|---|")
+    folder = os.path.dirname(os.path.abspath(__file__))
+    for name, rig in {"G1": "robot('G1')", **{f"chain of {n}": f"chain({n})" for n in (100, 200, 400, 800)}}.items():
+        fresh, kept = [], []
+        for _ in range(3):
+            with tempfile.TemporaryDirectory() as cache:
+                for list_ in (fresh, kept):
+                    code, env = _TO_COMPILE.format(folder=folder, rig=rig), {**os.environ, "ARTICULATED_CACHE": cache}
+                    output = subprocess.run([sys.executable, "-c", code], env=env, check=True, capture_output=True, text=True)
+                    list_.append(float(output.stdout))
+        links = int(name.split()[-1]) if name.startswith("chain") else 35
+        cells = f"{np.median(fresh):.2f} | {np.median(fresh) / links:.4f} | {np.median(kept):.3f}"
+        print(f"| {name} | {cells} |", flush=True)
+
+
+def growth(native: bool) -> None:
+    """Chains of hinges: nanoseconds per degree of freedom and state, one thread, 1024 states."""
+    print("\n| links | articulated | `abaInParallel` | ratio |\n|---|---|---|---|")
+    for links in (10, 20, 50, 100, 200, 400, 800):
+        rig = chain(links)
+        arrays = states(rig, 1024)
+        contenders = {
+            "ours": timed(lambda: art.forward_dynamics(rig, *arrays, threads=1)),
+            "pinocchio": Pinocchio(rig, *arrays).batch["forward_dynamics"],
+        }
+        taken = turns(contenders, 7)
+        ns = {who: median(taken, who) / 1024 / links * 1e9 for who in contenders}
+        print(f"| {links} | {ns['ours']:.1f} | {ns['pinocchio']:.0f} | {ratio(taken, 'pinocchio', 'ours'):.1f} |", flush=True)
+
+
+def simulation(native: bool) -> None:
+    """A step of `Simulation.run`, semi-implicit, 4096 states from neutral falling freely, against `forward_dynamics`; one thread."""
+    print("\nNanoseconds per state:\n\n| rig | forward_dynamics | a step | ratio |\n|---|---|---|---|")
+    for name in ("UR5", "G1", "human"):
+        rig = robot(name)
+        q, v, tau = states(rig, STATES)
+        run = art.Simulation(rig, dt=0.001, threads=1)
+        steps = 32
+        contenders = {
+            "dynamics": timed(lambda: art.forward_dynamics(rig, q, v, tau, threads=1)),
+            "run": timed(lambda: run.run(q, duration=0.032, fps=1 / 0.032)),
+        }
+        taken = turns(contenders)
+        taken["step"] = [seconds / steps for seconds in taken["run"]]
+        ns = [median(taken, who) / STATES * 1e9 for who in ("dynamics", "step")]
+        print(f"| {name} | {ns[0]:.1f} | {ns[1]:.1f} | {ratio(taken, 'step', 'dynamics'):.2f} |", flush=True)
+
+
+_STARTED = """
+import time
+began = time.perf_counter()
+import numpy as np
+numpy = time.perf_counter()
+import articulated as art
+imported = time.perf_counter()
+rig = art.load("package://example-robot-data/robots/g1_description/urdf/g1_29dof_rev_1_0.urdf", "free")
+loaded = time.perf_counter()
+a = art.forward_dynamics(rig, rig.neutral(), np.zeros(rig.nv), np.zeros(rig.nv))
+done = time.perf_counter()
+print(numpy - began, imported - numpy, loaded - imported, done - loaded)
+"""
+
+
+def starting(native: bool) -> None:
+    """A new process with a warm cache: seconds until G1's first `forward_dynamics` is there."""
+    rows = []
+    for _ in range(9):
+        output = subprocess.run([sys.executable, "-W", "ignore", "-c", _STARTED], check=True, capture_output=True, text=True)
+        rows.append([float(x) for x in output.stdout.split()])
+    cells = " | ".join(f"{x:.3f}" for x in np.median(rows[1:], axis=0))
+    print("\n| numpy | `import articulated` | `load` | `forward_dynamics` |\n|---|---|---|---|")
+    print(f"| {cells} |")
+
+
+TABLES = {
+    "throughput": throughput,
+    "functions": functions,
+    "formats": formats,
+    "single": single,
+    "compiling": compiling,
+    "growth": growth,
+    "simulation": simulation,
+    "starting": starting,
+}
+ALL_CORES = os.sched_getaffinity(0)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tables", nargs="*", metavar="TABLE", help=f"default: all of {', '.join(TABLES)}")
+    parser.add_argument("--no-native", action="store_true")
+    options = parser.parse_args()
+    unknown = set(options.tables) - set(TABLES)
+    if unknown:
+        parser.error(f"unknown table {', '.join(unknown)}; expected some of {', '.join(TABLES)}")
+    pin_to_one_core()
+    print(f"{time.strftime('%Y-%m-%d')}, {setting()}", flush=True)
+    for name in options.tables or TABLES:
+        print(f"\n## {name}\n\n{TABLES[name].__doc__}")
+        TABLES[name](not options.no_native)
+
+
+if __name__ == "__main__":
+    main()
