@@ -177,6 +177,8 @@ def _fused(graph: Graph, outputs: Sequence[Sequence[int]], live: set[int]) -> li
         if nodes[i][0] not in ("add", "sub"):
             continue
         op, a, b = nodes[i]
+        if a == b:
+            continue
         products = [x for x in (b, a) if nodes[x][0] == "mul" and x not in kept and uses[x] == sums[x]]
         if not products:
             continue

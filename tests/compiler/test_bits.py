@@ -1,0 +1,140 @@
+"""A state's result has the same bits wherever, with whomever and on whatever vector instructions it is computed."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+
+import numpy as np
+import pytest
+from random_trees import random_rig
+
+import articulated as art
+from articulated.compiler.machine import _levels
+from articulated.dynamics.functions import programs
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return random_rig(5, mimic=True, armature=False, size=9).with_joints(damping=0.1, friction=0.05)
+
+
+@pytest.fixture(scope="module", params=[np.float64, np.float32])
+def inputs(rig, request):
+    rng = np.random.default_rng(1)
+    arrays = (rig.random(rng, 33), *rng.normal(size=(2, 33, rig.nv)), rng.normal(size=(33, rig.nlinks, 6)))
+    return tuple(x.astype(request.param) for x in arrays)
+
+
+@pytest.fixture(scope="module")
+def reference(rig, inputs):
+    q, v, tau, external = inputs
+    return art.forward_dynamics(rig, q, v, tau, external)
+
+
+@pytest.mark.parametrize("count", range(1, 34))
+def test_every_batch_size(rig, inputs, reference, count):
+    for first in {0, 33 - count}:
+        part = [x[first : first + count] for x in inputs]
+        assert art.forward_dynamics(rig, *part).tobytes() == reference[first : first + count].tobytes()
+
+
+def test_one_state_alone(rig, inputs, reference):
+    for k in range(33):
+        assert art.forward_dynamics(rig, *(x[k] for x in inputs)).tobytes() == reference[k].tobytes()
+
+
+def test_every_position(rig, inputs, reference, rng):
+    for _ in range(10):
+        order = rng.permutation(33)
+        assert art.forward_dynamics(rig, *(x[order] for x in inputs)).tobytes() == reference[order].tobytes()
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3, 7, 100, None])
+def test_threads(rig, inputs, threads):
+    many = [np.tile(x, (31, *[1] * (x.ndim - 1))) for x in inputs]
+    result = art.forward_dynamics(rig, *many, threads=threads)
+    assert result.tobytes() == art.forward_dynamics(rig, *many, threads=1).tobytes()
+
+
+@pytest.mark.parametrize("level", list(_levels()))
+def test_every_level_of_vector_instructions(rig, inputs, level, monkeypatch):
+    """All functions, in new rigs, so that nothing compiled before is used."""
+    q, v, tau, external = inputs
+
+    def everything(rig) -> dict[str, bytes]:
+        given = {"q": q, "q0": q, "q1": q[::-1], "v": v, "tau": tau, "a": tau, "dv": tau}
+        functions = {
+            name: getattr(art, name)(rig, *(given[a.name] for a in program.arguments)).tobytes()
+            for name, program in programs(rig).items()
+        }
+        return functions | {"external": art.forward_dynamics(rig, q, v, tau, external).tobytes()}
+
+    expected = everything(rig)
+    monkeypatch.setenv("ARTICULATED_SIMD", level)
+    assert everything(rig.with_joints(damping=0.1)) == expected
+
+
+def test_unknown_level(monkeypatch):
+    monkeypatch.setenv("ARTICULATED_SIMD", "mmx")
+    with pytest.raises(ValueError, match=r"ARTICULATED_SIMD is 'mmx'; this processor has .*sse2|neon"):
+        art.forward_dynamics(art.load("cartpole"), np.zeros((2, 2)), np.zeros(2), np.zeros(2))
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 1e200])
+def test_a_bad_state_leaves_the_others_untouched(rig, inputs, bad):
+    """Through a whole function; numbers that are not finite are refused at the surface, so this looks below it."""
+    from articulated.dynamics.boundary import Argument
+    from articulated.dynamics.calls import call
+    from articulated.dynamics.functions import _forward_dynamics
+
+    def run(v):
+        names = ("q", inputs[0]), ("v", v), ("tau", inputs[2])
+        arguments = [Argument(name, x, x.shape[1:]) for name, x in names]
+        arguments += [Argument("external", None, ()), Argument("gravity", art.GRAVITY, (3,))]
+        return call(rig, _forward_dynamics, arguments, (rig.nv,), None, 1, watched=False, joint_forces=False)
+
+    clean = run(inputs[1])
+    for k in range(33):
+        with np.errstate(over="ignore"):
+            v = inputs[1].copy()
+            v[k, 2] = bad
+        others = np.arange(33) != k
+        assert run(v)[others].tobytes() == clean[others].tobytes()
+
+
+@pytest.mark.parametrize("integrator", art.INTEGRATORS)
+def test_runs(rig, integrator, rng):
+    """A run of many states, each of them alone, and period by period: the same bits."""
+    simulation = art.Simulation(rig, dt=0.004, substeps=2, integrator=integrator, rtol=1e-4)
+    q, v = rig.random(rng, 5), rng.normal(size=(5, rig.nv))
+    tau = rng.normal(size=(5, 6, rig.nv))
+    run = simulation.run(q, v, duration=0.05, fps=60, control=tau)
+    for k in range(5):
+        alone = simulation.run(q[k], v[k], duration=0.05, fps=60, control=tau[k])
+        assert (alone.q.tobytes(), alone.v.tobytes()) == (run.q[k].tobytes(), run.v[k].tobytes())
+        assert alone.work.tobytes() == run.work[k].tobytes()
+    asked = simulation.run(q, v, duration=0.05, fps=60, control=lambda t, state: tau[:, int(t * 120 + 1e-6)])
+    assert (asked.q.tobytes(), asked.v.tobytes()) == (run.q.tobytes(), run.v.tobytes())
+
+
+def test_long_run(monkeypatch):
+    """A second of the ragdoll falling apart in 11 states: one hash for every level of vector instructions, and for one thread or two."""
+    hashes = set()
+    for level in _levels():
+        monkeypatch.setenv("ARTICULATED_SIMD", level)
+        for threads in (1, 2):
+            rig = art.load("ragdoll", root="free").with_joints(damping=0.3)
+            run = art.Simulation(rig, dt=0.004, threads=threads).run(rig.random(3, 11), duration=1.0, fps=50)
+            hashes.add(hashlib.sha256(run.q.tobytes() + run.v.tobytes() + run.energy.tobytes()).hexdigest())
+    assert len(hashes) == 1
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_threads_after_a_fork(rig, inputs, reference):
+    many = [np.tile(x, (31, *[1] * (x.ndim - 1))) for x in inputs]
+    expected = art.forward_dynamics(rig, *many, threads=2)
+    child = os.fork()
+    if child == 0:
+        os._exit(0 if art.forward_dynamics(rig, *many, threads=2).tobytes() == expected.tobytes() else 1)
+    assert os.waitpid(child, 0)[1] == 0
