@@ -71,7 +71,7 @@ end:
 }}
 declare {V} @llvm.fma.v{lanes}f64({V}, {V}, {V})
 """
-    engine = on.load(on.object_code(text))
+    engine = on.load([on.object_code(text)])
     work_function = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(engine.get_function_address("work"))
     numbers, count = np.zeros(lanes), 200_000
     taken = turns({"peak": timed(lambda: work_function(count, numbers.ctypes.data))})

@@ -6,8 +6,10 @@ import ctypes
 import hashlib
 import os
 import threading
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakKeyDictionary
@@ -17,7 +19,7 @@ import numpy as np
 from articulated.compiler import cache as disk
 from articulated.compiler.lowering import Format, Lowering
 from articulated.compiler.program import Program, Tape
-from articulated.compiler.schedule import schedule
+from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
@@ -25,6 +27,8 @@ if TYPE_CHECKING:
     from articulated.compiler.machine import Machine
 
 _RUN = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)
+_PATIENCE = 2.0
+"""How long compiling may take before a bar tells how far it is [s]."""
 _SHARE = 100e-6
 """Work worth giving to one more thread [s]."""
 _OPERATION = 0.4e-9
@@ -38,16 +42,18 @@ class Kernel:
     """A program as machine code.
 
     Attributes:
+        name: of the program.
         lanes: states that a block holds.
         operations: on each of them.
     """
 
-    def __init__(self, program: Program, single: bool, lanes: int, on: Machine, header: dict[str, Any], code: bytes):
-        self.program, self.single, self.lanes = program, single, lanes
+    def __init__(self, name: str, lanes: int, on: Machine, header: dict[str, Any], code: bytes):
+        self.name, self.lanes = name, lanes
         self.operations: int = header["operations"]
         self.tile = _TILE if self.operations > _INSTRUCTIONS and lanes > 1 else 1
         self._scratch_bytes: int = header["scratch"] * self.tile
-        self._engine = on.load(code)  # the code lives as long as this does
+        ends = list(accumulate(header["objects"], initial=0))
+        self._engine = on.load([code[a:b] for a, b in pairwise(ends)])  # the code lives as long as this does
         self._run = _RUN(self._engine.get_function_address("kernel"))
         self._scratch: list[np.ndarray] = []
 
@@ -136,35 +142,52 @@ def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel
     on = machine()
     f = Format(lanes or on.register // (4 if single else 8), single)
     key = hashlib.sha256(
-        b"\0".join([_source(), on.identity, repr((program.name, f)).encode(), program.content])
+        b"\0".join([_SOURCE, on.identity, repr((program.name, f)).encode(), program.content])
     ).hexdigest()
     entry = disk.get(key)
-    if entry is None:
+    if entry is None or set(entry[0]) != {"operations", "scratch", "objects"}:
         entry = _build(program, f, on)
         disk.put(key, *entry)
-    return Kernel(program, single, f.lanes, on, *entry)
+    return Kernel(program.name, f.lanes, on, *entry)
 
 
 def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], bytes]:
-    tape = Tape(program, f.single)
-    watched = range(len(program.arguments)) if program.watched else ()
-    plan = schedule(tape.graph, tape.outputs, tape.check, f.lanes, watched)
-    lowering = Lowering(plan, program, f)
-    text = lowering.kernel()
-    header = {"operations": sum(1 for _ in plan.operations()), "scratch": lowering.scratch}
+    """Compile a program; if that takes long, a bar on the terminal tells how far it is."""
+    from tqdm import tqdm
+
+    with tqdm(desc=f"compiling {program.name}", delay=_PATIENCE, disable=None, leave=False, unit="part") as bar:
+        tape = Tape(program, f.single)
+        watched = range(len(program.arguments)) if program.watched else ()
+        plan = schedule(tape.graph, tape.outputs, tape.check, f.lanes, watched)
+        lowering = Lowering(plan, program, f)
+        modules = lowering.modules()
+        bar.reset(len(modules))
+        objects = []
+        for text in modules:
+            objects.append(on.object_code(text))
+            bar.update()
+    header = {
+        "operations": sum(1 for _ in plan.operations()),
+        "scratch": lowering.scratch,
+        "objects": [len(code) for code in objects],
+    }
     if folder := os.environ.get("ARTICULATED_DUMP"):
-        _dump(Path(folder), program, f, on, tape, text, header)
-    return header, on.object_code(text)
+        _dump(Path(folder) / f"{program.name}-{on.name}-{f.number}x{f.lanes}", plan, modules, header, on)
+    return header, b"".join(objects)
 
 
-def _dump(folder: Path, program: Program, f: Format, on: Machine, tape: Tape, text: str, header: dict[str, Any]) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    name = f"{program.name}-{on.name}-{f.number}x{f.lanes}"
-    (folder / f"{name}.ll").write_text(text)
-    (folder / f"{name}.s").write_text(on.assembly(text))
+def _dump(path: Path, plan: Schedule, modules: Sequence[str], header: dict[str, Any], on: Machine) -> None:
+    """Write what became of a program where people can read it: statistics, LLVM IR, assembly."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    count = Counter(node[0] for node in plan.operations())
+    lines = [f"operations  {header['operations']}", *(f"  {name:<10}{n}" for name, n in count.most_common())]
+    lines += [f"chunks      {sum(isinstance(item, Chunk) for item in flattened(plan.items))}", f"scratch     {header['scratch']} bytes"]
+    lines += [f"code        {sum(header['objects'])} bytes in {len(modules)} objects"]
+    path.with_suffix(".txt").write_text("\n".join([*lines, ""]))
+    path.with_suffix(".ll").write_text("\n; next module\n\n".join(modules))
+    path.with_suffix(".s").write_text("\n".join(on.assembly(text) for text in modules))
 
 
-@cache
 def _source() -> bytes:
     """What this project's own code is: kernels made by another version are not ours."""
     digest = hashlib.sha256()
@@ -172,6 +195,9 @@ def _source() -> bytes:
     for path in sorted(root.rglob("*.py")):
         digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
     return digest.digest()
+
+
+_SOURCE = _source()  # now, before anybody edits what runs
 
 
 def default_threads() -> int:

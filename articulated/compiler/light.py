@@ -37,7 +37,7 @@ def light_function(kernel: Kernel) -> Callable[..., bool] | None:
         return None
     context = (ctypes.c_int64 * 4).from_address(kernel.address("context"))
     context[:] = [id(np.ndarray), id(np.dtype(np.float64)), id(True), id(False)]
-    method = _Method(kernel.program.name.encode(), address, _FASTCALL, None)
+    method = _Method(kernel.name.encode(), address, _FASTCALL, None)
     owner = (kernel, method)  # the function keeps alive what it is made of
     make = ctypes.pythonapi.PyCFunction_NewEx
     make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]

@@ -29,6 +29,10 @@ STACK = 256 << 10
 OBJECT = object.__basicsize__
 """Bytes of a Python object before what is its own: in an array data, number of axes, shape, strides, base, type."""
 
+_MODULE = 4
+"""Chunks in a module."""
+_ATTRIBUTES = 'nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512"'
+
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
 _FUSED = {"fma": (False, False), "fms": (False, True), "fnma": (True, False)}
 _COMPARISON = {"lt": "olt", "le": "ole", "eq": "oeq"}
@@ -107,6 +111,7 @@ class Lowering:
         self.arrays = (*program.arguments, *program.results)
         self.V = f.vector(f.number)
         self.vector_bytes = f.bytes * f.lanes
+        self.chunks: list[str] = []
         self.functions: list[str] = []
         self.tables: list[str] = []
         self.extra: dict[int | None, int] = {}
@@ -135,7 +140,9 @@ class Lowering:
             if done is not None:
                 x = fn.let(f"select {f.vector('i1')} {done}, {self.V} {self._value(fn, target, {})}, {self.V} {x}")
             fn.do(f"store {self.V} {x}, ptr {self._slot(fn, target)}, align {self.vector_bytes}")
-        return self._finish(fn, "void", "ptr noalias %scratch", "ret void")
+        name = f"@chunk{len(self.chunks)}"
+        self.chunks.append("\n".join([f"define void {name}(ptr noalias %scratch) #0 {{", *fn.lines, "  ret void", "}"]))
+        return name
 
     def _slot(self, fn: _Function, i: int) -> str:
         return fn.at("%scratch", self.schedule.slot(i) * self.vector_bytes)
@@ -218,7 +225,7 @@ class Lowering:
             present = min(f.lanes, size - first)
             places = [self._place(nodes.get(k)) for k in range(f.lanes)]
             rows.append([first * f.bytes, present, *places])
-        rows.sort(key=lambda row: -row[1])
+        rows.sort(key=lambda row: (-row[1], row[0]))
         full = sum(row[1] == f.lanes for row in rows)
         name = f"@groups{len(self.tables)}"
         kind = f"[{2 + f.lanes} x i32]"
@@ -409,23 +416,24 @@ class Lowering:
             ]
         )
 
-    def kernel(self) -> str:
-        """The whole module."""
+    def modules(self) -> list[str]:
+        """The whole program: the kernel's own module, then those with the chunks, each small enough to be compiled in a moment."""
         f, driver = self.f, _Driver(self)
         driver.items(self.schedule.items, None)
         driver.first(self.constants())
-        declarations = [
+        light = [self.light()] if f.lanes == 1 and not f.single and self.scratch <= STACK else []
+        moves = [self.mover(reads=True), self.mover(reads=False)]
+        declared = [f"declare void @chunk{k}(ptr)" for k in range(len(self.chunks))]
+        main = [*self.tables, *self.functions, *moves, driver.text(), *light, *declared, *sorted(self.declared)]
+        rest = [self.chunks[k : k + _MODULE] for k in range(0, len(self.chunks), _MODULE)]
+        common = [
             f"declare {self.V} @llvm.fma.{f.suffix}({self.V}, {self.V}, {self.V})",
             f"declare {self.V} @llvm.sqrt.{f.suffix}({self.V})",
             f"declare {self.V} @llvm.fabs.{f.suffix}({self.V})",
+            f"attributes #0 = {{ {_ATTRIBUTES} }}",
+            "",
         ]
-        if f.lanes == 1 and not f.single and self.scratch <= STACK:
-            driver_text = driver.text() + "\n" + self.light()
-        else:
-            driver_text = driver.text()
-        attributes = 'attributes #0 = { nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512" }'
-        moves = [self.mover(reads=True), self.mover(reads=False)]
-        return "\n".join([*self.tables, *self.functions, *moves, driver_text, *declarations, *sorted(self.declared), attributes, ""])
+        return ["\n".join([*module, *common]) for module in (main, *rest)]
 
 
 PATTERN = (52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD), (23, 0x3F800000, 0x3F3504F3)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 
@@ -51,10 +52,11 @@ class Machine:
         """The module in assembly language, for people."""
         return self._target().emit_assembly(llvm.parse_assembly(text))
 
-    def load(self, code: bytes) -> llvm.ExecutionEngine:
+    def load(self, objects: Sequence[bytes]) -> llvm.ExecutionEngine:
         """Object code in memory, ready to run for as long as what is returned lives."""
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), self._target())
-        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        for code in objects:
+            engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
         return engine
 

@@ -211,26 +211,31 @@ class _Walk:
         until = self.graph.loops[region - 1].until if region else None
         items: list[Item] = [*self._reads(region)]
         writes = self._writes(region)
-        pending = Chunk()
+        chunk = Chunk()
 
-        def close(index: int) -> Chunk:
-            if pending.nodes:
-                items.append(pending)
+        def close(index: int) -> None:
+            """End the chunk, and write what is known now."""
+            nonlocal chunk
+            if chunk.nodes:
+                items.append(chunk)
+                chunk = Chunk()
+            ready: dict[int, Write] = {}
             while writes and writes[0][0] <= index:
-                items.append(writes.pop(0)[1])
-            return Chunk()
+                _, write = writes.pop(0)
+                ready.setdefault(write.array, Write(write.array, [], region)).scalars.extend(write.scalars)
+            items.extend(ready.values())
 
-        pending = close(-1)
+        close(-1)
         for i in self.by_region[region]:
             op = self.nodes[i][0]
             if op == "loop":
-                pending = close(i)
+                close(i)
                 items += self._loop(self.graph.loops[self.nodes[i][1] - 1])
             if op in LEAVES:
                 continue
-            pending.nodes.append(i)
-            if i == until or len(pending.nodes) == self.chunk:
-                pending = close(i)
+            chunk.nodes.append(i)
+            if i == until or len(chunk.nodes) == self.chunk:
+                close(i)
             if i == until:
                 items.append(Exit(i))
         close(len(self.nodes))

@@ -100,7 +100,7 @@ def test_another_machine_has_other_entries(folder, monkeypatch, built):
 
 def test_another_version_has_other_entries(folder, monkeypatch, built):
     run()
-    monkeypatch.setattr(kernels, "_source", lambda: b"another version")
+    monkeypatch.setattr(kernels, "_SOURCE", b"another version")
     run()
     assert len(built) == 2
 
