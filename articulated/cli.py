@@ -78,7 +78,10 @@ def _parser() -> argparse.ArgumentParser:
     _rig_options(export)
     export.add_argument("-o", "--output", required=True, metavar="DIR", help="where to; made if need be")
     export.add_argument(
-        "--function", action="append", metavar="NAME", help="may be given several times (default forward_dynamics, link_poses, step)"
+        "--function",
+        action="append",
+        metavar="NAME",
+        help="may be given several times (default forward_dynamics, link_poses, step)",
     )
     export.add_argument("--single", action="store_true", help="float instead of double")
     export.add_argument("--gravity", type=float, nargs=3, default=art.GRAVITY, metavar=("X", "Y", "Z"), help=_GRAVITY_HELP)

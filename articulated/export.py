@@ -31,9 +31,9 @@ def export_c(
 ) -> list[Path]:
     """Write a rig's dynamics as C99: a header, a source, and an example that uses them.
 
-    The functions take and give plain arrays, as their namesakes here take and give one state, and allocate nothing. `step` is one
-    step of the semi-implicit method: from q, v, tau and h to q and v. They compute what their namesakes here compute to the last
-    bit, if the compiler does not contract products and sums on its own (`-std=c99`, or `-ffp-contract=off`).
+    The functions take and give plain arrays, as their namesakes here take and give one state, and allocate nothing. `step` is a
+    step of the semi-implicit method: from q, v, tau and h to q and v. They compute what their namesakes here compute to the
+    last bit, if the compiler does not contract products and sums on its own (`-std=c99`, or `-ffp-contract=off`).
 
     Args:
         rig: the rig.
@@ -83,7 +83,7 @@ def _step(rig: Rig, gravity: tuple[float, ...]) -> Program:
 def _header(rig: Rig, prefix: str, chosen: Sequence[Program], single: bool) -> str:
     guard = f"{prefix.upper()}_H"
     joints = "\n".join(
-        f" *   {joint.name}: {joint.kind}, q[{joint.q_slice.start}:{joint.q_slice.stop}], v[{joint.v_slice.start}:{joint.v_slice.stop}]"
+        f" *   {joint.name}: {joint.kind}, q[{_range(joint.q_slice)}], v[{_range(joint.v_slice)}]"
         for joint in rig.joints.values()
         if not joint.mimic
     ).replace("*/", "* /")
@@ -110,6 +110,10 @@ def _header(rig: Rig, prefix: str, chosen: Sequence[Program], single: bool) -> s
         "",
     ]
     return "\n".join(lines)
+
+
+def _range(part: slice) -> str:
+    return f"{part.start}" if part.stop == part.start + 1 else f"{part.start}..{part.stop - 1}"
 
 
 def _source(prefix: str, chosen: Sequence[Program], single: bool) -> str:

@@ -73,10 +73,18 @@ def build_native() -> Path:
         if shutil.which("g++") is None:
             raise RuntimeError("g++ is not installed; leave out native Pinocchio with --no-native")
         print("compiling native Pinocchio, some minutes …", file=sys.stderr)
-        limits = ["-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_FUSION_INVOKE_MAX_ARITY=10", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS", "-DNDEBUG", "-w"]
+        limits = [
+            "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+            "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
+            "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+            "-DNDEBUG",
+            "-w",
+        ]
         folders = ["-I", str(include), "-I", "/usr/include/eigen3", "-I", str(include / "eigen3")]
         part = program.with_suffix(".part")
-        subprocess.run(["g++", "-std=c++17", "-O3", "-march=native", *limits, *folders, str(source), "-o", str(part)], check=True)
+        subprocess.run(
+            ["g++", "-std=c++17", "-O3", "-march=native", *limits, *folders, str(source), "-o", str(part)], check=True
+        )
         part.rename(program)
     return program
 
@@ -90,7 +98,14 @@ def dump(model: pin.Model) -> str:
         joint, placement, inertia = model.joints[k], model.jointPlacements[k], model.inertias[k]
         name = joint.shortname()
         axis = joint.extract().axis if name.endswith("Unaligned") else np.zeros(3)
-        numbers = [*axis, *placement.rotation.ravel(), *placement.translation, inertia.mass, *inertia.lever, *inertia.inertia.ravel()]
+        numbers = [
+            *axis,
+            *placement.rotation.ravel(),
+            *placement.translation,
+            inertia.mass,
+            *inertia.lever,
+            *inertia.inertia.ravel(),
+        ]
         lines.append(" ".join([kinds[name], str(model.parents[k]), *(repr(float(x)) for x in numbers)]))
     return "\n".join(lines)
 

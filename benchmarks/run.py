@@ -127,7 +127,9 @@ def functions(native: bool) -> None:
         taken = turns(contenders)
         cells = [f"{median(taken, 'ours') / STATES * 1e9:.1f}"]
         for who in ("pinocchio", "native"):
-            cells += [f"{median(taken, who) / STATES * 1e9:.0f}", f"{ratio(taken, who, 'ours'):.1f}"] if who in taken else ["-", "-"]
+            cells += (
+                [f"{median(taken, who) / STATES * 1e9:.0f}", f"{ratio(taken, who, 'ours'):.1f}"] if who in taken else ["-", "-"]
+            )
         print(f"| {name} | {' | '.join(cells)} |", flush=True)
 
 

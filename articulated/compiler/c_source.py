@@ -1,8 +1,8 @@
-"""Programs as C99, for games and firmware: the same operations in the same order as machine code has them, and so the same bits.
+"""Programs as C99, for games and firmware: the same operations in the same order as in machine code, and so the same bits.
 
-What is printed needs no library. Where the target has no fused multiply-add or square root of its own, they are computed: the one
-after Boldo and Melquiond (2008), by a sum rounded to odd; the other by Newton's method and a last step with the exact remainder
-(Markstein 1990).
+What is printed needs no library. Where the target has no fused multiply-add or square root of its own, they are computed: the
+one after Boldo and Melquiond (2008), by a sum rounded to odd; the other by Newton's method and a last step with the exact
+remainder (Markstein 1990).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Compiled code on disk. What is read is checked, what is written appears whole or not at all, and no failure is anyone's trouble.
+"""Compiled code on disk. What is read is checked, what is written appears whole or not at all, no failure is anyone's trouble.
 
 An entry is a file: the key and a checksum of what follows, then a header in JSON, then object code. One that is damaged, or of
 another key, counts as missing and is written anew. ARTICULATED_CACHE names the directory; "off" means none.

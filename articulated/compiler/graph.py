@@ -1,7 +1,7 @@
 """Programs as expression graphs. Running an algorithm on `Traced` scalars writes it down, one node an operation.
 
 Nodes are hash-consed: the same operation on the same operands is one node. Constants fold, and what folds away is never
-written: x·0, x·1, x + 0, −(−x), a − a, a + (b − a), a·(1/a). Signs are gathered on the way, −a·b as −(a·b) and x + (−y) as x − y, until they meet
+written: x·0, x·1, x + 0, −(−x), a − a, a + (b − a), a·(1/a). Signs are gathered on the way, −a·b as −(a·b), until they meet
 in the sign of a fused multiply-add, where they cost nothing. Like every such compiler this takes values to be finite when it
 drops x·0.
 

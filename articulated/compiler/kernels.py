@@ -6,6 +6,7 @@ import ctypes
 import hashlib
 import os
 import threading
+import time
 from collections import Counter
 from collections.abc import Sequence
 from functools import cache
@@ -141,9 +142,7 @@ def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel
 
     on = machine()
     f = Format(lanes or on.register // (4 if single else 8), single)
-    key = hashlib.sha256(
-        b"\0".join([_SOURCE, on.identity, repr((program.name, f)).encode(), program.content])
-    ).hexdigest()
+    key = hashlib.sha256(b"\0".join([_SOURCE, on.identity, repr((program.name, f)).encode(), program.content])).hexdigest()
     entry = disk.get(key)
     if entry is None or set(entry[0]) != {"operations", "scratch", "objects"}:
         entry = _build(program, f, on)
@@ -155,17 +154,15 @@ def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], by
     """Compile a program; if that takes long, a bar on the terminal tells how far it is."""
     from tqdm import tqdm
 
-    with tqdm(desc=f"compiling {program.name}", delay=_PATIENCE, disable=None, leave=False, unit="part") as bar:
-        tape = Tape(program, f.single)
-        watched = range(len(program.arguments)) if program.watched else ()
-        plan = schedule(tape.graph, tape.outputs, tape.check, f.lanes, watched)
-        lowering = Lowering(plan, program, f)
-        modules = lowering.modules()
-        bar.reset(len(modules))
-        objects = []
-        for text in modules:
-            objects.append(on.object_code(text))
-            bar.update()
+    began = time.monotonic()
+    tape = Tape(program, f.single)
+    watched = range(len(program.arguments)) if program.watched else ()
+    plan = schedule(tape.graph, tape.outputs, tape.check, f.lanes, watched)
+    lowering = Lowering(plan, program, f)
+    modules = lowering.modules()
+    delay = max(_PATIENCE - (time.monotonic() - began), 1e-9)
+    bar = tqdm(modules, f"compiling {program.name}", delay=delay, disable=None, leave=False, unit="part")
+    objects = [on.object_code(text) for text in bar]
     header = {
         "operations": sum(1 for _ in plan.operations()),
         "scratch": lowering.scratch,
@@ -181,7 +178,10 @@ def _dump(path: Path, plan: Schedule, modules: Sequence[str], header: dict[str, 
     path.parent.mkdir(parents=True, exist_ok=True)
     count = Counter(node[0] for node in plan.operations())
     lines = [f"operations  {header['operations']}", *(f"  {name:<10}{n}" for name, n in count.most_common())]
-    lines += [f"chunks      {sum(isinstance(item, Chunk) for item in flattened(plan.items))}", f"scratch     {header['scratch']} bytes"]
+    lines += [
+        f"chunks      {sum(isinstance(item, Chunk) for item in flattened(plan.items))}",
+        f"scratch     {header['scratch']} bytes",
+    ]
     lines += [f"code        {sum(header['objects'])} bytes in {len(modules)} objects"]
     path.with_suffix(".txt").write_text("\n".join([*lines, ""]))
     path.with_suffix(".ll").write_text("\n; next module\n\n".join(modules))

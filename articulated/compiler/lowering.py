@@ -1,21 +1,21 @@
 """From a schedule to LLVM IR, as text: each scalar a vector of `lanes` states.
 
-A kernel is `i64 kernel(table, scratch, begin, end, tile)`. It handles the states from `begin` to `end` in blocks of `lanes`, and runs each
-chunk for `tile` blocks before the next, so that code which outgrows the instruction cache is fetched less often. A last block
-that is not full overlaps the one before it; if there is none, missing states repeat the last one. So nothing is read or written
-out of bounds, and a state's bits do not depend on where it stands.
+A kernel is `i64 kernel(table, scratch, begin, end, tile)`. It handles the states from `begin` to `end` in blocks of `lanes`,
+and runs each chunk for `tile` blocks before the next, so that code which outgrows the instruction cache is fetched less
+often. A last block that is not full overlaps the one before it; if there is none, missing states repeat the last one. So
+nothing is read or written out of bounds, and a state's bits do not depend on where it stands.
 
-The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and, for
-an argument with rows, the address of the numbers of the rows that the turns of its loop take. Then come the parameters. The
-scalars of a state are contiguous; they are transposed in registers. The kernel returns flags: 1 if an argument, 2 if a result is
-not finite, 4 if a check fails.
+The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and,
+for an argument with rows, the address of the numbers of the rows that the turns of its loop take. Then come the parameters.
+The scalars of a state are contiguous; they are transposed in registers. The kernel returns flags: 1 if an argument, 2 if a
+result is not finite, 4 if a check fails.
 """
 
 from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from articulated.compiler.graph import MASKS, Parameter
@@ -417,7 +417,7 @@ class Lowering:
         )
 
     def modules(self) -> list[str]:
-        """The whole program: the kernel's own module, then those with the chunks, each small enough to be compiled in a moment."""
+        """The program: the kernel's own module, then those with the chunks, each small enough to be compiled in a moment."""
         f, driver = self.f, _Driver(self)
         driver.items(self.schedule.items, None)
         driver.first(self.constants())
@@ -471,7 +471,7 @@ class _Driver:
         for item in items:
             if isinstance(item, Chunk):
                 if item.nodes or item.copies:
-                    self.each(lambda scratch, base, name=lowering.chunk(item): f"call void {name}(ptr {scratch})")
+                    self.every_block(lowering.chunk(item))
             elif isinstance(item, Repeat):
                 self.repeat(item)
             elif isinstance(item, (Exit, Check)):
@@ -498,8 +498,10 @@ class _Driver:
             turns = self.let(f"load ptr, ptr {self.let(f'getelementptr i64, ptr {entry}, i64 3')}")
             turn = self.let(f"load i64, ptr {self.let(f'getelementptr i64, ptr {turns}, i64 {turn}')}")
         flag = self.each(
-            lambda scratch, base: f"call i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}, ptr {scratch}, "
-            f"i64 {base}, i64 {turn}, ptr {name}, i64 {full}, i64 {rest})"
+            lambda scratch, base: (
+                f"call i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}, ptr {scratch}, "
+                f"i64 {base}, i64 {turn}, ptr {name}, i64 {full}, i64 {rest})"
+            )
         )
         if lowering.program.watched and not item.loop:
             self.flag(flag, NOT_FINITE_IN if reads else NOT_FINITE_OUT)
@@ -511,6 +513,10 @@ class _Driver:
 
     def turn(self, region: int) -> str:
         return self.let(f"getelementptr i64, ptr %turns, i64 {region}")
+
+    def every_block(self, name: str) -> None:
+        """Call a function of scratch alone for each block of the tile."""
+        self.each(lambda scratch, base: f"call void {name}(ptr {scratch})")
 
     def each(self, call) -> str:
         """Call for each block of the tile; whether any call returned 1."""
@@ -558,7 +564,7 @@ class _Driver:
     def first(self, name: str) -> None:
         """Call a function for each block before anything else."""
         lines, self.lines, block, self.block = self.lines, [], self.block, "items"
-        self.each(lambda scratch, base: f"call void {name}(ptr {scratch})")
+        self.every_block(name)
         start = self.lines
         self.lines = [*start, *(line.replace("%items ]", f"%{self.block} ]") for line in lines)]
         self.block = block

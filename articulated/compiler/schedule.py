@@ -53,7 +53,7 @@ class Check:
 
 @dataclass(eq=False)
 class Transfer:
-    """Scalars of an argument into nodes' slots, or of an output from nodes: (scalar, node). Rows are counted by a loop's turns."""
+    """Scalars of an argument into nodes' slots, or of an output from nodes: (scalar, node); a loop's turns count rows."""
 
     array: int
     scalars: list[tuple[int, int]]

@@ -1,6 +1,7 @@
 """From a public function to a kernel and back: arguments are looked at, code is found or made, and run.
 
-A kernel tells of numbers that are not finite on its way through them; only then is what is wrong looked for, to be told in words.
+A kernel tells of numbers that are not finite on its way through them; only then is what is wrong looked for, to be told in
+words.
 """
 
 from __future__ import annotations
@@ -226,7 +227,7 @@ def _broadcast_batch(rig: Rig, arrays: Sequence[np.ndarray], given: Sequence[Arg
         raise ValueError(f"leading axes do not broadcast for rig {rig.name!r}: {shapes}") from None
 
 
-def states(array: np.ndarray, batch: tuple[int, ...], core: int) -> tuple[np.ndarray, int, int, None]:
+def states(array: np.ndarray, batch: tuple[int, ...], core: int) -> tuple[np.ndarray, int, int, np.ndarray | None]:
     """An array as a kernel takes it: each state's numbers in a row, and states evenly spaced."""
     lead = array.shape[: array.ndim - core]
     if not array.flags.c_contiguous or lead != batch:
@@ -265,6 +266,6 @@ def _warn_of_singularity(rig: Rig, result: np.ndarray, batch_axes: int) -> None:
 def _caller() -> int:
     """How far up the first frame is that is not the project's own."""
     level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(f"{__package__.partition('.')[0]}."):
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith("articulated."):
         level, frame = level + 1, frame.f_back
     return level

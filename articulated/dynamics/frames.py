@@ -1,9 +1,11 @@
-"""Where body frames stand. A joint that turns about or slides along one axis leaves two things free: how far along that axis its
-body's origin lies, and how the body's frame is turned about it. They are chosen so that the placements of bodies in their parents
-have as many zeros as can be: then most of what the recursions multiply by is not there.
+"""Where body frames stand.
 
-This is the convention of Khalil and Kleinfinger (1986), Denavit and Hartenberg's with the frame at the near joint: the x axis along
-the common normal to the axis of a child, the origin at its foot. A body with several children is placed for the first.
+A joint that turns about or slides along one axis leaves two things free: how far along that axis its body's origin lies, and
+how the body's frame is turned about it. They are chosen so that the placements of bodies in their parents have as many zeros
+as can be: then most of what the recursions multiply by is not there.
+
+This is the convention of Khalil and Kleinfinger (1986), Denavit and Hartenberg's with the frame at the near joint: the x axis
+along the common normal to the axis of a child, the origin at its foot. A body with several children is placed for the first.
 """
 
 from __future__ import annotations
@@ -55,7 +57,7 @@ def _along_z(shift: float, angle: float) -> np.ndarray:
 
 
 def _foot(X: np.ndarray) -> float:
-    """How far along z the common normal to another frame's z axis stands; level with its origin if the axes are near parallel."""
+    """How far along z the common normal to another's z axis stands; level with its origin if the axes are near parallel."""
     p, axis = X[:3, 3], X[:3, 2]
     across = axis[:2] @ axis[:2]
     if across < _SKEW * _SKEW:

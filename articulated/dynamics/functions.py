@@ -336,7 +336,11 @@ def point_wrench(
     Returns:
         Wrenches (force, couple) in the world at the link origins, shape (..., nlinks, 6), zero but for this link's.
     """
-    vectors = [Argument("force", force, (3,)), Argument("point", point, (3,), role="optional"), Argument("couple", couple, (3,))]
+    vectors = [
+        Argument("force", force, (3,)),
+        Argument("point", point, (3,), role="optional"),
+        Argument("couple", couple, (3,)),
+    ]
     arguments = [_q(rig, q), *vectors]
     return call(rig, kinematics.point_wrench, arguments, (rig.nlinks, 6), out, threads, link=find_link(rig, link).index)
 

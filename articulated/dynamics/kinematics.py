@@ -108,8 +108,8 @@ def link_poses(mechanism: Mechanism, q: Sequence[Scalar]) -> list[list[list[Scal
     X_W = world_poses(mechanism, placements(mechanism, q))
     matrices = []
     for body, X_BL in mechanism.links:
-        X_WL = X_BL if body == WORLD else X_W[body] @ X_BL
-        matrices.append([[*row, x] for row, x in zip(X_WL.R.rows, X_WL.p, strict=True)] + [[0.0, 0.0, 0.0, 1.0]])
+        X_WL = (Pose.identity() if body == WORLD else X_W[body]) @ X_BL
+        matrices.append(X_WL.matrix())
     return matrices
 
 

@@ -121,9 +121,7 @@ def mechanism(rig: Rig) -> Mechanism:
         rig=rig,
         parent=parent,
         joints=joints,
-        placement=tuple(
-            _placement(back[body.parent] @ body.pose @ T) for body, T in zip(rig.bodies, frames, strict=True)
-        ),
+        placement=tuple(_placement(back[body.parent] @ body.pose @ T) for body, T in zip(rig.bodies, frames, strict=True)),
         inertia=tuple(
             _inertia(body.mass, T[:3, :3] @ body.center + T[:3, 3], T[:3, :3] @ body.inertia @ T[:3, :3].T)
             for body, T in zip(rig.bodies, back, strict=False)
@@ -138,12 +136,8 @@ def mechanism(rig: Rig) -> Mechanism:
 
 def content(rig: Rig) -> bytes:
     """All of a rig that a mechanism is made of, and nothing else: rigs of equal content move alike."""
-    joints = [
-        (j.name, j.kind, j.q_slice, j.v_slice, j.damping, j.friction, j.armature, j.mimic) for j in rig.joints.values()
-    ]
-    bodies = [
-        (b.parent, b.joint, b.mass, *(x.tobytes() for x in (b.pose, b.axis, b.center, b.inertia))) for b in rig.bodies
-    ]
+    joints = [(j.name, j.kind, j.q_slice, j.v_slice, j.damping, j.friction, j.armature, j.mimic) for j in rig.joints.values()]
+    bodies = [(b.parent, b.joint, b.mass, *(x.tobytes() for x in (b.pose, b.axis, b.center, b.inertia))) for b in rig.bodies]
     links = [(link.body, link.pose.tobytes()) for link in rig.links.values()]
     return repr((joints, bodies, links)).encode()
 

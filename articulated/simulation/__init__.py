@@ -1,8 +1,8 @@
 """Moving a rig in time."""
 
 from articulated.simulation.first_order import FirstOrder, first_order
+from articulated.simulation.methods import INTEGRATORS
 from articulated.simulation.simulation import Simulation, simulate
 from articulated.simulation.state import State
-from articulated.simulation.methods import INTEGRATORS
 
 __all__ = ["INTEGRATORS", "FirstOrder", "Simulation", "State", "first_order", "simulate"]

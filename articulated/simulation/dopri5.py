@@ -146,7 +146,9 @@ def interpolated(mechanism: Mechanism, state: Adaptive, t: Scalar) -> Point:
     return _chosen(state.t == t, state.at, between)
 
 
-def _error(mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: Scalar, atol: Scalar) -> Scalar:
+def _error(
+    mechanism: Mechanism, start: Point, end: Point, slopes: list[Slope], h: Scalar, rtol: Scalar, atol: Scalar
+) -> Scalar:
     """Estimated error of a step over what is allowed, root mean square over coordinates."""
     total: Scalar = 0.0
     for n in range(mechanism.nv):

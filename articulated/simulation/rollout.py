@@ -192,7 +192,8 @@ class Rollout:
             arrays = [np.empty((*self.batch, count, *shape)) for shape in self._recorded]
             self._run(first * plan.periods, count, plan.periods, arrays)
             tau = self.tau.rows(np.arange(first, first + count) * plan.periods)
-            yield Frames(first, *arrays, tau)
+            q, v, work = arrays
+            yield Frames(first, q, v, work, tau)
 
     def _now(self, frame: int, state: State, tau: np.ndarray | None) -> Frames:
         if tau is None:
@@ -254,8 +255,8 @@ class Rollout:
             gravity = next(rest, GRAVITY)
 
             def forces() -> Forces:
-                now = [x.row() if isinstance(x, Rows) else x for x in (tau, external)]
-                return _forces(m, *now, gravity)
+                now = (x.row() if isinstance(x, Rows) else x for x in (tau, external))
+                return _forces(m, next(now), next(now), gravity)
 
             def period(carry: list[Nested]) -> list[Nested]:
                 k, motion = carry

@@ -160,9 +160,7 @@ class Simulation:
                 advance_bar(some.q.shape[-2])
         return self._trajectory(q, v, tau, work, np.arange(frames + 1) / fps, rollout)
 
-    def _rollout(
-        self, start: State, control: Control, external: Control, frames: int, periods: int, period: float
-    ) -> Rollout:
+    def _rollout(self, start: State, control: Control, external: Control, frames: int, periods: int, period: float) -> Rollout:
         batch, total = start.work.shape, frames * periods
         signals = (
             Signal(self.rig, "control", (self.rig.nv,), batch, total, control),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from articulated.scalar import Scalar
 from articulated.spatial.inertia import ArticulatedInertia, RigidInertia
 from articulated.spatial.matrix import Mat3, Sym3
 from articulated.spatial.motion import Force, Motion
@@ -10,7 +11,7 @@ from articulated.spatial.vector import Vec3
 
 
 class Pose:
-    """`X_AB`: where frame B stands in frame A, as the rotation `R` (B to A components; a matrix or turns) and B's origin `p` in A."""
+    """`X_AB`: where frame B stands in frame A, as the rotation `R` (B to A components) and B's origin `p` in A."""
 
     __slots__ = ("R", "p")
 
@@ -24,6 +25,11 @@ class Pose:
     def __matmul__(self, X_BC: Pose) -> Pose:
         """X_AC = X_AB X_BC."""
         return Pose(self.R @ X_BC.R, self.p + self.R @ X_BC.p)
+
+    def matrix(self) -> list[list[Scalar]]:
+        """As a homogeneous matrix."""
+        R = self.R.matrix() if isinstance(self.R, Turns) else self.R
+        return [[*row, x] for row, x in zip(R.rows, self.p, strict=True)] + [[0.0, 0.0, 0.0, 1.0]]
 
     def inverse(self) -> Pose:
         """X_BA."""
@@ -74,4 +80,3 @@ class Pose:
         # J' = J − H r× + r× (H + r× M)ᵀ
         J_shifted = J - Sym3.upper(H @ r) + Sym3.upper(r.times_transpose(H_shifted))
         return ArticulatedInertia(J_shifted, H_shifted, M)
-

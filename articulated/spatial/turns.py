@@ -96,8 +96,12 @@ class Turns:
 
 def _about(*turns: Turn) -> Turns:
     """Constant turns, right angles made exact and turns by nothing left out."""
-    exact = [(axis, *(float(round(x)) if abs(x - round(x)) < _ROUNDING else x for x in (c, s))) for axis, c, s in turns]
+    exact = [(axis, _exact(c), _exact(s)) for axis, c, s in turns]
     return Turns([turn for turn in exact if turn[1:] != (1.0, 0.0)])
+
+
+def _exact(x: float) -> float:
+    return float(round(x)) if abs(x - round(x)) < _ROUNDING else x
 
 
 def _turned(b: Vec3, axis: int, c: Scalar, s: Scalar) -> Vec3:

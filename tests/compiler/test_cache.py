@@ -166,7 +166,8 @@ def environment(folder) -> dict[str, str]:
 
 def test_processes_that_compile_the_same_at_once(folder):
     crowd = [
-        subprocess.Popen([sys.executable, "-c", SCRIPT], env=environment(folder), stdout=subprocess.PIPE, text=True) for _ in range(4)
+        subprocess.Popen([sys.executable, "-c", SCRIPT], env=environment(folder), stdout=subprocess.PIPE, text=True)
+        for _ in range(4)
     ]
     answers = {process.communicate()[0] for process in crowd}
     assert [process.returncode for process in crowd] == [0] * 4

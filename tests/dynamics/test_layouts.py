@@ -121,7 +121,7 @@ def test_numbers_that_nothing_comes_of_must_be_finite_too(plain):
     q[5, 0] = np.inf  # where a free rig is does not matter to its acceleration
     with pytest.raises(ValueError, match=r"q\[5, 0\] is inf \(root_joint.x\)"):
         art.forward_dynamics(RIG, q, v, tau)
-    for k in range(3):
+    for _ in range(3):
         art.forward_dynamics(RIG, *(x[0] for x in plain))
     with pytest.raises(ValueError, match=r"q\[0\] is inf"):
         art.forward_dynamics(RIG, *(x[5] for x in plain))
@@ -181,7 +181,9 @@ def test_a_long_compilation_shows_a_bar_and_a_short_one_nothing(tmp_path):
     import termios
 
     script = "import articulated.compiler.kernels as k; k._PATIENCE = {}; import numpy as np, articulated as art\n"
-    script += "rig = art.load('ragdoll', 'free'); q = rig.neutral(); art.forward_dynamics(rig, q, np.zeros(rig.nv), np.zeros(rig.nv))"
+    script += (
+        "rig = art.load('ragdoll', 'free'); q = rig.neutral(); art.forward_dynamics(rig, q, np.zeros(rig.nv), np.zeros(rig.nv))"
+    )
     for patience, expected in (("0.0", True), ("60.0", False)):
         ours, theirs = pty.openpty()
         fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
