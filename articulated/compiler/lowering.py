@@ -29,6 +29,8 @@ STACK = 256 << 10
 OBJECT = object.__basicsize__
 """Bytes of a Python object before what is its own: in an array data, number of axes, shape, strides, base, type."""
 
+_NOWHERE, _ZERO = -1, -2
+"""In place of nodes: where what nobody wants is put, and where zeros are found that nobody wants either."""
 _MODULE = 4
 """Chunks in a module."""
 _ATTRIBUTES = 'nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512"'
@@ -114,7 +116,7 @@ class Lowering:
         self.chunks: list[str] = []
         self.functions: list[str] = []
         self.tables: list[str] = []
-        self.extra: dict[int | None, int] = {}
+        self.extra: dict[int, int] = {}
         self.declared: set[str] = set()
 
     @property
@@ -223,7 +225,8 @@ class Lowering:
         rows: list[list[int]] = []
         for first, nodes in groups.items():
             present = min(f.lanes, size - first)
-            places = [self._place(nodes.get(k)) for k in range(f.lanes)]
+            blank = _NOWHERE if isinstance(item, Read) else _ZERO
+            places = [self._place(nodes.get(k, blank)) for k in range(f.lanes)]
             rows.append([first * f.bytes, present, *places])
         rows.sort(key=lambda row: (-row[1], row[0]))
         full = sum(row[1] == f.lanes for row in rows)
@@ -233,9 +236,9 @@ class Lowering:
         self.tables.append(f"{name} = internal constant [{len(rows)} x {kind}] [{entries}]")
         return name, full, len(rows) - full
 
-    def _place(self, i: int | None) -> int:
+    def _place(self, i: int) -> int:
         """Where a node is in scratch; constants are put there, and what nobody wants has a place too."""
-        if i is not None and self.schedule.nodes[i][0] != "const":
+        if i >= 0 and self.schedule.nodes[i][0] != "const":
             return self.schedule.slot(i) * self.vector_bytes
         slot = self.extra.setdefault(i, self.schedule.size + len(self.extra))
         return slot * self.vector_bytes
@@ -244,8 +247,8 @@ class Lowering:
         """Write the function that puts constants into scratch."""
         fn = _Function(self.f)
         for i, slot in self.extra.items():
-            if i is not None:
-                x = self.f.constant(self.schedule.nodes[i][1])
+            if i != _NOWHERE:
+                x = self.f.constant(0.0 if i == _ZERO else self.schedule.nodes[i][1])
                 fn.do(f"store {self.V} {x}, ptr {fn.at('%scratch', slot * self.vector_bytes)}, align {self.vector_bytes}")
         return self._finish(fn, "void", "ptr noalias %scratch", "ret void")
 

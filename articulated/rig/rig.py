@@ -13,6 +13,10 @@ from articulated.rig.joint import KINDS, Joint
 from articulated.rig.shapes import Shape
 
 
+_ENDLESS = 1e6
+"""A position limit beyond this [rad or m] is a file's way to say that there is none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Link:
     """A frame of the rig, with what its source says of it.
@@ -180,7 +184,7 @@ class Rig:
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Configurations within the limits, uniform in each coordinate.
 
-        An angle without limits is drawn from [-π, π], a length from [-1, 1] m, an orientation uniformly.
+        An angle without limits (or with some beyond a million) is drawn from [-π, π], a length from [-1, 1] m, an orientation uniformly.
 
         Args:
             rng: a numpy generator, a seed, or None.
@@ -265,9 +269,9 @@ def _random_configuration(joint: Joint, rng: np.random.Generator, shape: tuple[i
         return rng.uniform([-1.0, -1.0, -math.pi], [1.0, 1.0, math.pi], (*shape, 3))
     reach = 1.0 if joint.kind == "prismatic" else math.pi
     lower, upper = limits.lower, limits.upper
-    if not math.isfinite(lower):
+    if lower < -_ENDLESS:
         lower = min(-reach, upper - reach)
-    if not math.isfinite(upper):
+    if upper > _ENDLESS:
         upper = max(reach, lower + reach)
     return rng.uniform(lower, upper, (*shape, joint.nq))
 

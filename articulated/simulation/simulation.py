@@ -152,7 +152,7 @@ class Simulation:
         rollout = self._rollout(start, control, external, frames, periods, 1.0 / (fps * periods))
         q, v, tau = (np.empty((*batch, frames + 1, n)) for n in (self.rig.nq, self.rig.nv, self.rig.nv))
         work = np.empty((*batch, frames + 1))
-        with _Bar(progress, frames, self.rig.name) as advance_bar:
+        with _Bar(progress, frames + 1, self.rig.name) as advance_bar:
             for some in rollout.run():
                 these = slice(some.first, some.first + some.q.shape[-2])
                 q[..., these, :], v[..., these, :], tau[..., these, :] = some.q, some.v, some.tau

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 import pytest
 from conftest import ROBOTS
@@ -41,6 +43,13 @@ EVERY_FUNCTION = {
 }
 
 
+@pytest.fixture
+def interpreted(monkeypatch):
+    """The long sweeps look at algorithms; test_compiled.py holds compiled results against these. COMPILED=1 compiles them all."""
+    if not os.environ.get("COMPILED"):
+        monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
+
+
 def assert_agrees(reference: PinocchioModel, samples: int = 20) -> None:
     comparisons = compare(reference, samples)
     assert {one.function for one in comparisons} >= EVERY_FUNCTION - {"center_of_mass", "momentum"}
@@ -50,7 +59,7 @@ def assert_agrees(reference: PinocchioModel, samples: int = 20) -> None:
 @pytest.mark.sweep
 @pytest.mark.parametrize("root", ["fixed", "free"])
 @pytest.mark.parametrize("robot", [robot for robot in ROBOTS if robot not in REFUSED])
-def test_example_robot(robots, robot, root):
+def test_example_robot(interpreted, robots, robot, root):
     # Pinocchio reads the same file with its own reader, so readers are compared too
     rig = art.load(robots / robot, root)
     assert_agrees(PinocchioModel.from_urdf(rig, (robots / robot).read_text()))
@@ -81,7 +90,7 @@ def with_rotor(joint):
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("block", range(30))
-def test_random_trees(block):
+def test_random_trees(interpreted, block):
     for seed in range(10 * block, 10 * block + 10):
         assert_agrees(PinocchioModel.from_rig(random_rig(seed)))
 
