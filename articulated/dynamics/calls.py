@@ -134,8 +134,8 @@ def _run(
 ) -> int:
     """Run compiled code."""
     count, shape = math.prod(batch), result.shape[len(batch) :]
-    fixed = (*(a.fixed for a in arguments), *(a.value is None for a in arguments))
-    key = (algorithm, *options.values(), *fixed, result.dtype.char, count == 1)
+    form = tuple([a.value is None if a.fixed else ... for a in arguments])
+    key = (algorithm, form, tuple(options.values()), result.dtype.char, count == 1)
     kernels = kernels_of(rig)
     kernel = kernels.get(key)
     if kernel is None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
 
 from articulated.rig.joint import KINDS, Joint
 from articulated.rig.shapes import Shape
-
 
 _ENDLESS = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""
@@ -99,6 +98,7 @@ class Rig:
         bodies: what moves, parents first.
         source: the file it came from, or "".
         ignored: elements of the source that mean nothing to a simulation, counted by name.
+        nq, nv: length of a configuration, and of a generalized velocity: the number of degrees of freedom.
     """
 
     name: str
@@ -109,19 +109,15 @@ class Rig:
     bodies: tuple[Body, ...]
     source: str
     ignored: Mapping[str, int]
+    nq: int = field(init=False)
+    nv: int = field(init=False)
 
     def __repr__(self) -> str:
         return f"Rig({self.name!r}, root={self.root!r}, nq={self.nq}, nv={self.nv}, nbodies={len(self.bodies)})"
 
-    @property
-    def nq(self) -> int:
-        """Length of a configuration."""
-        return sum(joint.nq for joint in self.joints.values())
-
-    @property
-    def nv(self) -> int:
-        """Length of a generalized velocity: the number of degrees of freedom."""
-        return sum(joint.nv for joint in self.joints.values())
+    def __post_init__(self):
+        object.__setattr__(self, "nq", sum(joint.nq for joint in self.joints.values()))
+        object.__setattr__(self, "nv", sum(joint.nv for joint in self.joints.values()))
 
     @property
     def nlinks(self) -> int:
@@ -184,7 +180,8 @@ class Rig:
     def random(self, rng: np.random.Generator | int | None = None, size: int | tuple[int, ...] = ()) -> np.ndarray:
         """Configurations within the limits, uniform in each coordinate.
 
-        An angle without limits (or with some beyond a million) is drawn from [-π, π], a length from [-1, 1] m, an orientation uniformly.
+        An angle without limits (or with limits beyond a million) is drawn from [-π, π], a length from [-1, 1] m, an orientation
+        uniformly.
 
         Args:
             rng: a numpy generator, a seed, or None.
