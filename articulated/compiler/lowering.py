@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import struct
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from articulated.compiler.graph import MASKS, Parameter
@@ -29,6 +29,8 @@ STACK = 256 << 10
 OBJECT = object.__basicsize__
 """Bytes of a Python object before what is its own: in an array data, number of axes, shape, strides, base, type."""
 
+GROUPS = ("full", "rest", "narrow")
+"""Groups of as many scalars as lanes, of fewer, and of no more than half: two states share a register there."""
 _NOWHERE, _ZERO = -1, -2
 """In place of nodes: where what nobody wants is put, and where zeros are found that nobody wants either."""
 _MODULE = 4
@@ -209,8 +211,8 @@ class Lowering:
 
     # arrays
 
-    def transfer(self, item: Read | Write) -> tuple[str, int, int]:
-        """Write down which scalars an item moves: the name of that table, and how many groups in it are full, and are not.
+    def transfer(self, item: Read | Write) -> tuple[str, list[int]]:
+        """Write down which scalars an item moves: the name of that table, and how many groups in it are of each of `GROUPS`.
 
         A group is as many neighbouring scalars as there are lanes. The table has for each where it begins [bytes], how many
         scalars there are, and the place of each in scratch [bytes].
@@ -228,13 +230,13 @@ class Lowering:
             blank = _NOWHERE if isinstance(item, Read) else _ZERO
             places = [self._place(nodes.get(k, blank)) for k in range(f.lanes)]
             rows.append([first * f.bytes, present, *places])
-        rows.sort(key=lambda row: (-row[1], row[0]))
-        full = sum(row[1] == f.lanes for row in rows)
+        kinds = [0 if row[1] == f.lanes else 1 if f.lanes < 4 or row[1] > f.lanes // 2 else 2 for row in rows]
+        rows = [row for kind in range(len(GROUPS)) for row, k in sorted(zip(rows, kinds, strict=True)) if k == kind]
         name = f"@groups{len(self.tables)}"
         kind = f"[{2 + f.lanes} x i32]"
         entries = ", ".join(f"{kind} [{', '.join(f'i32 {x}' for x in row)}]" for row in rows)
         self.tables.append(f"{name} = internal constant [{len(rows)} x {kind}] [{entries}]")
-        return name, full, len(rows) - full
+        return name, [kinds.count(kind) for kind in range(len(GROUPS))]
 
     def _place(self, i: int) -> int:
         """Where a node is in scratch; constants are put there, and what nobody wants has a place too."""
@@ -261,35 +263,34 @@ class Lowering:
         rows = [fn.at(base, fn.load(fn.at("%lanes", 8 * r), "i64", 8)) for r in range(f.lanes)]
         sums, before = [f.constant(0.0)] * min(4, f.lanes), "start"
         groups = "%groups"
-        for part, count in (("full", "%full"), ("rest", "%rest")):
+        for part in GROUPS if f.lanes >= 4 else GROUPS[:2]:
+            width = f.lanes // 2 if part == "narrow" else f.lanes
             fn.do(f"br label %{part}.head")
             fn.lines.append(f"{part}.head:")
             k, phis = f"%k.{part}", len(fn.lines)
-            fn.do(f"br i1 {fn.let(f'icmp slt i64 {k}, {count}')}, label %{part}.turn, label %{part}.end")
+            fn.do(f"br i1 {fn.let(f'icmp slt i64 {k}, %{part}')}, label %{part}.turn, label %{part}.end")
             fn.lines.append(f"{part}.turn:")
             group = fn.at(groups, fn.let(f"mul i64 {k}, {4 * (2 + f.lanes)}"))
             first = fn.let(f"sext i32 {fn.load(group, 'i32', 4)} to i64")
             mask = ""
-            if part == "rest" and f.lanes > 1:
+            if part != "full" and f.lanes > 1:
                 present = fn.load(fn.at(group, 4), "i32", 4)
-                kind = f"<{f.lanes} x i32>"
+                kind = f"<{width} x i32>"
                 spread = fn.let(f"insertelement {kind} poison, i32 {present}, i32 0")
                 spread = fn.let(f"shufflevector {kind} {spread}, {kind} poison, {kind} zeroinitializer")
-                numbers = ", ".join(f"i32 {n}" for n in range(f.lanes))
+                numbers = ", ".join(f"i32 {n}" for n in range(width))
                 mask = fn.let(f"icmp slt {kind} <{numbers}>, {spread}")
             places = [
-                fn.at("%scratch", fn.let(f"sext i32 {fn.load(fn.at(group, 8 + 4 * n), 'i32', 4)} to i64"))
-                for n in range(f.lanes)
+                fn.at("%scratch", fn.let(f"sext i32 {fn.load(fn.at(group, 8 + 4 * n), 'i32', 4)} to i64")) for n in range(width)
             ]
             ends = [fn.at(pointer, first) for pointer in rows]
             if reads:
-                seen = [self._row_load(fn, pointer, mask) for pointer in ends]
+                seen = self._row_loads(fn, ends, mask, width)
                 for x, place in zip(self._transposed(fn, seen), places, strict=True):
                     fn.do(f"store {V} {x}, ptr {place}, align {self.vector_bytes}")
             else:
                 seen = [fn.load(place, V, self.vector_bytes) for place in places]
-                for x, pointer in zip(self._transposed(fn, seen), ends, strict=True):
-                    self._row_store(fn, x, pointer, mask)
+                self._row_stores(fn, self._transposed(fn, seen), ends, mask, width)
             totals = [f"%sum.{part}{n}" for n in range(len(sums))]
             for n, x in enumerate(seen):  # 0 x is a number if x is one
                 totals[n % len(sums)] = fn.call("fma", x, f.constant(0.0), totals[n % len(sums)])
@@ -301,12 +302,13 @@ class Lowering:
                 for n, (x, total) in enumerate(zip(sums, totals, strict=True))
             ]
             sums, before = [f"%sum.{part}{n}" for n in range(len(sums))], f"{part}.end"
-            groups = fn.at(groups, fn.let(f"mul i64 %full, {4 * (2 + f.lanes)}"))
+            groups = fn.at(groups, fn.let(f"mul i64 %{part}, {4 * (2 + f.lanes)}"))
         total = sums[0]
         for x in sums[1:]:
             total = fn.let(f"fadd {V} {total}, {x}")
         flag = self._any(fn, fn.let(f"fcmp uno {V} {total}, {total}"))
-        arguments = "ptr %entry, ptr %lanes, ptr noalias %scratch, i64 %base, i64 %turn, ptr %groups, i64 %full, i64 %rest"
+        arguments = "ptr %entry, ptr %lanes, ptr noalias %scratch, i64 %base, i64 %turn, ptr %groups"
+        arguments += "".join(f", i64 %{part}" for part in GROUPS)
         fn.lines.insert(0, "start:")
         return "\n".join(
             [f"define internal i64 @{'read' if reads else 'write'}({arguments}) #0 {{", *fn.lines, f"  ret i64 {flag}", "}"]
@@ -318,36 +320,60 @@ class Lowering:
         whole = fn.let(f"bitcast <{self.f.lanes} x i1> {mask} to i{self.f.lanes}")
         return fn.let(f"zext i1 {fn.let(f'icmp ne i{self.f.lanes} {whole}, 0')} to i64")
 
-    def _row_load(self, fn: _Function, pointer: str, mask: str) -> str:
-        f, V = self.f, self.V
-        if not mask:
-            return fn.load(pointer, V, f.bytes)
-        self.declared.add(f"declare {V} @llvm.masked.load.{f.suffix}.p0(ptr, i32, <{f.lanes} x i1>, {V})")
-        given = f"ptr {pointer}, i32 {f.bytes}, <{f.lanes} x i1> {mask}, {V} zeroinitializer"
-        return fn.let(f"call {V} @llvm.masked.load.{f.suffix}.p0({given})")
+    def _row_loads(self, fn: _Function, pointers: Sequence[str], mask: str, width: int) -> list[str]:
+        """The numbers of each state; if they fill half a register only, of two states each."""
+        f = self.f
+        half, kind, suffix = width < f.lanes, *self._part(width)
+        loaded = []
+        for pointer in pointers:
+            if not mask:
+                loaded.append(fn.load(pointer, kind, f.bytes))
+                continue
+            self.declared.add(f"declare {kind} @llvm.masked.load.{suffix}.p0(ptr, i32, <{width} x i1>, {kind})")
+            given = f"ptr {pointer}, i32 {f.bytes}, <{width} x i1> {mask}, {kind} zeroinitializer"
+            loaded.append(fn.let(f"call {kind} @llvm.masked.load.{suffix}.p0({given})"))
+        if not half:
+            return loaded
+        both = self._pick(range(f.lanes))
+        return [fn.let(f"shufflevector {kind} {a}, {kind} {b}, {both}") for a, b in zip(loaded, loaded[width:], strict=False)]
 
-    def _row_store(self, fn: _Function, x: str, pointer: str, mask: str) -> None:
+    def _row_stores(self, fn: _Function, vectors: Sequence[str], pointers: Sequence[str], mask: str, width: int) -> None:
+        """The reverse of `_row_loads`."""
         f, V = self.f, self.V
-        if not mask:
-            fn.do(f"store {V} {x}, ptr {pointer}, align {f.bytes}")
-            return
-        self.declared.add(f"declare void @llvm.masked.store.{f.suffix}.p0({V}, ptr, i32, <{f.lanes} x i1>)")
-        fn.do(f"call void @llvm.masked.store.{f.suffix}.p0({V} {x}, ptr {pointer}, i32 {f.bytes}, <{f.lanes} x i1> {mask})")
+        kind, suffix = self._part(width)
+        if width < f.lanes:
+            picks = self._pick(range(width)), self._pick(range(width, f.lanes))
+            vectors = [fn.let(f"shufflevector {V} {x}, {V} poison, {pick}") for pick in picks for x in vectors]
+        for x, pointer in zip(vectors, pointers, strict=True):
+            if not mask:
+                fn.do(f"store {kind} {x}, ptr {pointer}, align {f.bytes}")
+                continue
+            self.declared.add(f"declare void @llvm.masked.store.{suffix}.p0({kind}, ptr, i32, <{width} x i1>)")
+            given = f"{kind} {x}, ptr {pointer}, i32 {f.bytes}, <{width} x i1> {mask}"
+            fn.do(f"call void @llvm.masked.store.{suffix}.p0({given})")
+
+    def _part(self, width: int) -> tuple[str, str]:
+        """Type and suffix of a vector of so many numbers."""
+        part = Format(width, self.f.single)
+        return part.vector(part.number), part.suffix
+
+    def _pick(self, numbers: Iterable[int]) -> str:
+        numbers = list(numbers)
+        return f"<{len(numbers)} x i32> <{', '.join(f'i32 {k}' for k in numbers)}>"
 
     def _transposed(self, fn: _Function, rows: Sequence[str]) -> list[str]:
-        """A square of numbers, its rows turned into columns: neighbours exchange halves, at distance 1, 2, 4 …"""
+        """A square of numbers, or two side by side, turned: neighbours exchange halves, at distance 1, 2, 4 …"""
         f, V, rows = self.f, self.V, list(rows)
         distance = 1
-        while distance < f.lanes:
-            for r in range(f.lanes):
+        while distance < len(rows):
+            for r in range(len(rows)):
                 if r & distance:
                     continue
                 a, b = rows[r], rows[r + distance]
                 low = [k if not k & distance else k - distance + f.lanes for k in range(f.lanes)]
                 high = [k + distance if not k & distance else k + f.lanes for k in range(f.lanes)]
                 rows[r], rows[r + distance] = (
-                    fn.let(f"shufflevector {V} {a}, {V} {b}, <{f.lanes} x i32> <{', '.join(f'i32 {k}' for k in pick)}>")
-                    for pick in (low, high)
+                    fn.let(f"shufflevector {V} {a}, {V} {b}, {self._pick(pick)}") for pick in (low, high)
                 )
             distance *= 2
         return rows
@@ -491,7 +517,7 @@ class _Driver:
 
     def transfer(self, item: Read | Write) -> None:
         lowering, reads = self.lowering, isinstance(item, Read)
-        name, full, rest = lowering.transfer(item)
+        name, counts = lowering.transfer(item)
         lanes = lowering.f.lanes
         array = item.array + (0 if reads else len(lowering.program.arguments))
         entry = self.let(f"getelementptr i64, ptr %table, i64 {4 * array}")
@@ -503,7 +529,7 @@ class _Driver:
         flag = self.each(
             lambda scratch, base: (
                 f"call i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}, ptr {scratch}, "
-                f"i64 {base}, i64 {turn}, ptr {name}, i64 {full}, i64 {rest})"
+                f"i64 {base}, i64 {turn}, ptr {name}, {', '.join(f'i64 {count}' for count in counts)})"
             )
         )
         if lowering.program.watched and not item.loop:
