@@ -132,6 +132,9 @@ class Rollout:
 
     def step(self) -> None:
         """One control period."""
+        if interpreting() or self.asks:
+            for signal in self._signals:
+                signal.update(0, 0.0, self.state(0))
         self._period(0)
 
     def state(self, k: int) -> State:

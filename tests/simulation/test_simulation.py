@@ -374,3 +374,15 @@ class TestFirstOrder:
             art.first_order(pendulum)(0.0, np.zeros(3))
         with pytest.raises(ValueError, match=r"control\(t=2\) has shape \(2,\)"):
             art.first_order(pendulum, control=lambda t, q, v: [1.0, 2.0])(2.0, np.zeros(2))
+
+
+@pytest.mark.parametrize("interpret", ["", "1"])
+def test_a_step_takes_whatever_a_run_takes(pendulum, monkeypatch, interpret):
+    """An array, an array of one row over time, a function."""
+    monkeypatch.setenv("ARTICULATED_INTERPRET", interpret)
+    simulation = art.Simulation(pendulum)
+    state, tau = simulation.reset(), 0.1 * np.arange(1.0, pendulum.nv + 1.0)
+    expected = simulation.step(state, tau).v
+    assert np.abs(expected - simulation.step(state).v).max() > 1e-6
+    for control in (tau[None], tau.tolist(), lambda t, at: tau + at.v):
+        assert simulation.step(state, control).v.tobytes() == expected.tobytes()
