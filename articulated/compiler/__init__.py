@@ -1,7 +1,7 @@
 """Algorithms that are written over scalars, run on numpy arrays: compiled to machine code, or interpreted."""
 
 from articulated.compiler.interpreter import as_scalars, evaluate, interpreting
-from articulated.compiler.kernels import Kernel, compiled, default_threads, kernels_of
+from articulated.compiler.kernels import Kernel, compiled, kernels_of
 from articulated.compiler.light import light_function
 from articulated.compiler.lowering import CHECK_FAILED, NOT_FINITE_IN, NOT_FINITE_OUT
 from articulated.compiler.program import Array, Program, Rows, Tape
@@ -17,7 +17,6 @@ __all__ = [
     "Tape",
     "as_scalars",
     "compiled",
-    "default_threads",
     "evaluate",
     "interpreting",
     "kernels_of",

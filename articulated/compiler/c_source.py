@@ -12,7 +12,7 @@ import re
 from collections.abc import Sequence
 
 from articulated.compiler.graph import MASKS
-from articulated.compiler.lowering import PATTERN, rounded
+from articulated.compiler.ir import Format
 from articulated.compiler.program import Program, Tape
 from articulated.compiler.schedule import Chunk, Read, Schedule, Write, schedule
 
@@ -28,7 +28,7 @@ def identifier(name: str) -> str:
 
 def prelude(single: bool) -> str:
     """The arithmetic that every function uses."""
-    shift, one, root = PATTERN[single]
+    shift, one, root = Format(1, single).pattern
     real, bits = ("float", "uint32_t") if single else ("double", "uint64_t")
     text = _PRELUDE + (_SINGLE if single else _DOUBLE) + _PATTERNS
     for name, value in (("REAL", real), ("BITS", bits), ("SHIFT", shift), ("ONE", hex(one)), ("ROOT", hex(root))):
@@ -112,7 +112,7 @@ class _Printer:
         return f"art_fma({sign_a}{x[0]}, {x[1]}, {sign_c}{x[2]})"
 
     def _constant(self, x: float) -> str:
-        x = rounded(x, self.single)
+        x = Format(1, self.single).rounded(x)
         if math.isfinite(x):
             text = x.hex() + ("f" if self.single else "")
             return f"({text})" if x < 0.0 else text

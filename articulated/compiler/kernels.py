@@ -5,12 +5,9 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
-import sys
-import threading
 import time
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,13 +16,14 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from articulated.compiler import cache as disk
-from articulated.compiler.lowering import OBJECT, Format, Lowering
+from articulated.compiler.ir import Format
+from articulated.compiler.light import address_of
+from articulated.compiler.lowering import Lowering
 from articulated.compiler.program import Program, Tape
 from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
+from articulated.compiler.threads import default_threads, shared
 
 if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
-
     from articulated.compiler.machine import Machine
 
 _RUN = ctypes.CFUNCTYPE(ctypes.c_int64, *[ctypes.c_void_p] * 2, *[ctypes.c_int64] * 3)
@@ -33,6 +31,9 @@ _PATIENCE = 2.0
 """How long compiling may take before a bar tells how far it is [s]."""
 _SHARE = 100e-6
 """Work worth giving to one more thread [s]."""
+_PART = 20e-6
+"""Work worth being fetched by a thread [s]; a thread fetches some parts of what it does."""
+_PARTS = 8
 _OPERATION = 0.4e-9
 """About what an operation takes, for a whole vector [s]."""
 _INSTRUCTIONS = 4000
@@ -69,6 +70,7 @@ class Kernel:
         batch: int,
         threads: int | None,
         parameters: Sequence[int] = (),
+        turns: int = 1,
     ) -> int:
         """Run it on a batch; the flags of `lowering`.
 
@@ -78,65 +80,37 @@ class Kernel:
             batch: number of states, one or more.
             threads: how many may share it; None is as many as are useful.
             parameters: the program's integers.
+            turns: how often most of its code runs.
         """
         entries: list[int] = []
-        for array, state, row, turns in arrays:
-            entries += (_address(array), state, row, 0 if turns is None else _address(turns))
+        for array, state, row, rows in arrays:
+            entries += (address_of(array), state, row, 0 if rows is None else address_of(rows))
         table = (ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters)
-        shares = self._shares(batch, threads)
-        if shares == 1:
+        work, blocks = self.cost(batch) * turns, -(-batch // self.lanes)
+        threads = min(blocks, threads or max(1, min(default_threads(), int(work / _SHARE))))
+        if threads == 1:
             return self._part(table, 0, batch)
-        size = -(-batch // (shares * self.lanes)) * self.lanes
-        parts = [(begin, min(begin + size, batch)) for begin in range(0, batch, size)]
-        others = [_pool().submit(self._part, table, *part) for part in parts[1:]]
-        flags = self._part(table, *parts[0])
-        for other in others:
-            flags |= other.result()
-        return flags
+        parts = min(blocks, max(threads, min(_PARTS * threads, int(work / _PART))))
+        size = -(-blocks // parts) * self.lanes
+
+        def part(k: int, arrays: Any = arrays) -> int:  # whoever has this has the arrays
+            return self._part(table, k * size, min(k * size + size, batch))
+
+        return shared(part, -(-batch // size), threads)
 
     def _part(self, table: Any, begin: int, end: int) -> int:
         try:
             scratch = self._scratch.pop()
         except IndexError:
             memory = np.empty(self._scratch_bytes + 64, np.uint8)
-            scratch = memory, -(-_address(memory) // 64) * 64
+            scratch = memory, -(-address_of(memory) // 64) * 64
         flags = self._run(ctypes.addressof(table), scratch[1], begin, end, self.tile)
         self._scratch.append(scratch)
         return flags
 
-    def cost(self, batch: int, threads: int | None) -> float:
-        """About how long it takes for a batch, if each of its chunks runs once [s]."""
-        return -(-batch // self.lanes) * self.operations * _OPERATION / self._shares(batch, threads)
-
-    def _shares(self, batch: int, threads: int | None) -> int:
-        blocks = -(-batch // self.lanes)
-        if threads is None:
-            threads = min(default_threads(), int(blocks * self.operations * _OPERATION / _SHARE))
-        return max(1, min(threads, blocks))
-
-
-def _address(array: np.ndarray) -> int:
-    if headers_are_as_expected():  # the quick way
-        return _WORD.from_address(id(array) + OBJECT).value
-    return array.__array_interface__["data"][0]
-
-
-_WORD = ctypes.c_int64
-
-
-@cache
-def headers_are_as_expected() -> bool:
-    """Whether numpy arrays begin as they do by numpy's binary interface: data, number of axes, shape, strides, base, type."""
-    if sys.implementation.name != "cpython" or ctypes.sizeof(ctypes.c_void_p) != 8:
-        return False
-    array = np.zeros((3, 5))
-    word = (_WORD * 6).from_address(id(array) + OBJECT)
-    shape, strides = ((_WORD * 2).from_address(word[k]) for k in (2, 3))
-    return (
-        (word[0], word[1] & 0xFFFFFFFF, word[5]) == (array.__array_interface__["data"][0], 2, id(array.dtype))
-        and (tuple(shape), tuple(strides)) == ((3, 5), (40, 8))
-        and _WORD.from_address(id(array) + OBJECT - 8).value == id(np.ndarray)
-    )
+    def cost(self, batch: int) -> float:
+        """About how long it takes for a batch on one thread, if each of its chunks runs once [s]."""
+        return -(-batch // self.lanes) * self.operations * _OPERATION
 
 
 _kernels: WeakKeyDictionary[Any, dict[Any, Kernel]] = WeakKeyDictionary()
@@ -179,7 +153,7 @@ def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], by
     watched = range(len(program.arguments)) if program.watched else ()
     plan = schedule(tape.graph, tape.outputs, tape.check, f.lanes, watched)
     lowering = Lowering(plan, program, f)
-    modules = lowering.modules()
+    modules = lowering.modules
     delay = max(_PATIENCE - (time.monotonic() - began), 1e-9)
     bar = tqdm(modules, f"compiling {program.name}", delay=delay, disable=None, leave=False, unit="part")
     objects = [on.object_code(text) for text in bar]
@@ -218,35 +192,3 @@ def _source() -> bytes:
 
 
 _SOURCE = _source()  # now, before anybody edits what runs
-
-
-def default_threads() -> int:
-    """ARTICULATED_THREADS, or as many as there are cores for us."""
-    given = os.environ.get("ARTICULATED_THREADS")
-    if given:
-        if not given.isdecimal() or int(given) < 1:
-            raise ValueError(f"ARTICULATED_THREADS is {given!r}; expected a positive integer")
-        return int(given)
-    return _cores()
-
-
-@cache
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
-_pools: list[ThreadPoolExecutor] = []
-_lock = threading.Lock()
-
-
-def _pool() -> ThreadPoolExecutor:
-    from concurrent.futures import ThreadPoolExecutor
-
-    with _lock:
-        if not _pools:
-            _pools.append(ThreadPoolExecutor(max(1, (os.cpu_count() or 1) - 1), "articulated"))
-        return _pools[0]
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_pools.clear)  # threads do not survive a fork

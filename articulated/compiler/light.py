@@ -1,19 +1,71 @@
 """One state with as little overhead as Python allows: the kernel itself is a Python function.
 
-Its code takes numpy arrays as CPython hands them to any function written in C, and looks at their headers (see
-`Lowering.light`). What these headers are made of is part of numpy's binary interface; it is checked once, on an array.
+Its code takes numpy arrays as CPython hands them to any function written in C, and looks at their headers: it refuses whatever
+is not a plain array of the expected shape. What these headers are made of is part of numpy's binary interface: data, number of
+axes, shape, strides, base, type. It is checked once, on an array.
 """
 
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Callable
+from functools import cache
+from typing import Any
 
 import numpy as np
 
-from articulated.compiler.kernels import Kernel, headers_are_as_expected
+from articulated.compiler.ir import Format, Text
+from articulated.compiler.program import Program
 
+STACK = 256 << 10
+"""Bytes of scratch that the function may take from the stack."""
+_OBJECT = object.__basicsize__
+"""Bytes of a Python object before what is its own."""
 _FASTCALL = 0x80
+_WORD = ctypes.c_int64
+
+
+def light_text(program: Program, scratch: int) -> str:
+    """`light(self, args, nargs)`, a Python function in C: takes numpy arrays, returns whether all went well."""
+    text = Text(Format(1, single=False))
+    arrays = (*program.arguments, *program.results)
+
+    def demand(a: str, b: int | str, kind: str = "i64") -> None:
+        accepted = text.label()
+        text.branch(text.let(f"icmp eq {kind} {a}, {b}"), accepted, "refuse")
+        text.begin(accepted)
+
+    text.do(f"%table = alloca [{4 * len(arrays)} x i64]")
+    text.do(f"%scratch = alloca [{scratch} x i8], align 64")
+    demand("%nargs", len(arrays))
+    array_type, number_type = text.word("@context", 0), text.word("@context", 1)
+    for a, array in enumerate(arrays):
+        given = text.word("%args", a, "ptr")
+        header = text.at(given, _OBJECT)
+        demand(text.word(text.at(given, _OBJECT - 8)), array_type)
+        demand(text.word(header, 5), number_type)
+        demand(text.load(text.at(header, 8), "i32", 4), len(array.shape), "i32")
+        step = 8 * array.size
+        for k, n in enumerate(array.shape):
+            step //= max(n, 1)
+            demand(text.word(text.word(header, 2, "ptr"), k), n)
+            demand(text.word(text.word(header, 3, "ptr"), k), step)
+        data = text.word(header)
+        demand(text.integer("and", data, 7), 0)
+        for k, x in enumerate((data, 0, 0, 0)):
+            text.keep(x, text.entry("%table", 4 * a + k))
+    demand(text.let("call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 1, i64 1)"), 0)
+    accepted = text.block
+    text.do("br label %return")
+    text.begin("refuse")
+    text.do("br label %return")
+    text.begin("return")
+    answer = text.word("@context", text.let(f"phi i64 [ 2, %{accepted} ], [ 3, %refuse ]"), "ptr")
+    if sys.version_info < (3, 12):  # later, True and False count no references
+        text.keep(text.integer("add", text.word(answer), 1), answer)
+    function = text.function("ptr", "light", "ptr %self, ptr %args, i64 %nargs", answer, linkage="")
+    return f"@context = global [4 x i64] zeroinitializer\n{function}"
 
 
 class _Method(ctypes.Structure):
@@ -27,15 +79,37 @@ class _Method(ctypes.Structure):
     ]
 
 
-def light_function(kernel: Kernel) -> Callable[..., bool] | None:
-    """The function of a kernel with one lane: takes its arguments and results, says whether it could; None if there is none."""
+def light_function(kernel: Any) -> Callable[..., bool] | None:
+    """The function of a kernel for one state: takes its arguments and results, says whether it could; None if there is none."""
     address = kernel.address("light")
     if not address or not headers_are_as_expected():
         return None
-    context = (ctypes.c_int64 * 4).from_address(kernel.address("context"))
+    context = (_WORD * 4).from_address(kernel.address("context"))
     context[:] = [id(np.ndarray), id(np.dtype(np.float64)), id(True), id(False)]
     method = _Method(kernel.name.encode(), address, _FASTCALL, None)
     owner = (kernel, method)  # the function keeps alive what it is made of
     make = ctypes.pythonapi.PyCFunction_NewEx
     make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
     return make(ctypes.addressof(method), owner, None)
+
+
+def address_of(array: np.ndarray) -> int:
+    """Where an array's numbers begin."""
+    if headers_are_as_expected():  # the quick way
+        return _WORD.from_address(id(array) + _OBJECT).value
+    return array.__array_interface__["data"][0]
+
+
+@cache
+def headers_are_as_expected() -> bool:
+    """Whether numpy arrays begin as they do by numpy's binary interface."""
+    if sys.implementation.name != "cpython" or ctypes.sizeof(ctypes.c_void_p) != 8:
+        return False
+    array = np.zeros((3, 5))
+    word = (_WORD * 6).from_address(id(array) + _OBJECT)
+    shape, strides = ((_WORD * 2).from_address(word[k]) for k in (2, 3))
+    return (
+        (word[0], word[1] & 0xFFFFFFFF, word[5]) == (array.__array_interface__["data"][0], 2, id(array.dtype))
+        and (tuple(shape), tuple(strides)) == ((3, 5), (40, 8))
+        and _WORD.from_address(id(array) + _OBJECT - 8).value == id(np.ndarray)
+    )

@@ -188,7 +188,7 @@ class Rollout:
 
     def _many_at_once(self) -> Iterator[Frames]:
         plan, frames = self.plan, self.plan.frames
-        work = self._kernel().cost(math.prod(self.batch), self.threads) * plan.periods * plan.substeps  # for a frame
+        work = self._kernel().cost(math.prod(self.batch)) * plan.periods * plan.substeps  # for a frame
         share = max(1, min(frames, int(_PATIENCE / max(work, 1e-9))))
         for first in range(0, frames, share):
             count = min(share, frames - first)
@@ -228,7 +228,8 @@ class Rollout:
             row = 8 * math.prod(shape)
             table.append((array, row * frames, row, None))
         table.append(states(moved, batch, 1))
-        self._kernel()(table, math.prod(batch), self.threads, (frames, periods, self.plan.substeps))
+        loops = frames, periods, self.plan.substeps
+        self._kernel()(table, math.prod(batch), self.threads, loops, math.prod(loops))
         self.motion = moved
 
     @property

@@ -1,0 +1,125 @@
+"""A chunk of operations as a function of machine code: each node a vector of as many states as a register has lanes."""
+
+from __future__ import annotations
+
+from articulated.compiler.graph import MASKS
+from articulated.compiler.ir import Format, Text
+from articulated.compiler.schedule import Chunk, Schedule
+
+_ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
+_FUSED = {"fma": (False, False), "fms": (False, True), "fnma": (True, False)}
+"""Whether the product's sign is turned, and whether that of what is added."""
+_COMPARISON = {"lt": "olt", "le": "ole", "eq": "oeq"}
+_INTRINSIC = {"abs": "fabs", "sqrt": "sqrt"}
+
+
+def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format) -> str:
+    """The function `void name(scratch)` of a chunk."""
+    operations = _Operations(schedule, f)
+    for i in chunk.nodes:
+        operations.compute(i)
+    _copy(chunk, operations)
+    return operations.text.function("void", name, "ptr noalias %scratch", linkage="")
+
+
+def mask_function(name: str, mask: int, holds: bool, schedule: Schedule, f: Format) -> str:
+    """The function `i64 name(scratch)` that tells whether a mask holds, or fails, for some state of a block."""
+    operations = _Operations(schedule, f)
+    text = operations.text
+    found = text.let(f"fcmp {'une' if holds else 'oeq'} {text.V} {operations.loaded(mask)}, zeroinitializer")
+    return text.function("i64", name, "ptr noalias %scratch", text.any(found))
+
+
+def _copy(chunk: Chunk, operations: _Operations) -> None:
+    text = operations.text
+    overwritten = {target for _, target in chunk.copies}
+    early = {source: operations.value(source) for source, _ in chunk.copies if source in overwritten}
+    done = None if chunk.unless is None else operations.value(chunk.unless)
+    for source, target in chunk.copies:
+        operations.values.clear()  # a copy is made from slots: nothing stays in a register for long
+        x = early[source] if source in early else operations.value(source)
+        if done is not None:
+            x = text.let(f"select {text.M} {done}, {text.V} {operations.loaded(target)}, {text.V} {x}")
+        operations.store(target, x)
+
+
+class _Operations:
+    """Nodes in the order in which they are computed; the others are constants or come from their slots."""
+
+    def __init__(self, schedule: Schedule, f: Format):
+        self.schedule, self.f, self.text = schedule, f, Text(f)
+        self.values: dict[int, str] = {}
+
+    def compute(self, i: int) -> None:
+        """Compute a node, and keep it if others will ask for it."""
+        x = self.values[i] = self._operation(*self.schedule.nodes[i])
+        if i in self.schedule.slots:
+            text = self.text
+            if self.schedule.nodes[i][0] in MASKS:
+                x = text.let(f"select {text.M} {x}, {text.V} {self.f.constant(1.0)}, {text.V} zeroinitializer")
+            self.store(i, x)
+
+    def value(self, i: int) -> str:
+        """A node's value, from where it is at hand."""
+        if i not in self.values:
+            op, *parts = self.schedule.nodes[i]
+            if op == "const":
+                self.values[i] = self.f.constant(parts[0])
+            else:
+                x = self.loaded(i)
+                self.values[i] = self.text.let(f"fcmp une {self.text.V} {x}, zeroinitializer") if op in MASKS else x
+        return self.values[i]
+
+    def loaded(self, i: int) -> str:
+        """What a node's slot holds."""
+        return self.text.load(self._slot(i), self.text.V, self.f.vector_bytes)
+
+    def store(self, i: int, x: str) -> None:
+        self.text.do(f"store {self.text.V} {x}, ptr {self._slot(i)}, align {self.f.vector_bytes}")
+
+    def _slot(self, i: int) -> str:
+        return self.text.at("%scratch", self.schedule.slot(i) * self.f.vector_bytes)
+
+    def _operation(self, op: str, *parts: int) -> str:
+        text, V = self.text, self.text.V
+        if op == "bit":
+            n, a = parts
+            one = text.let(f"and {text.N} {self._pattern_of(self.value(a))}, {self.f.integers(1 << n)}")
+            return text.let(f"icmp ne {text.N} {one}, {self.f.integers(0)}")
+        x = [self.value(a) for a in parts]
+        if op in _ARITHMETIC:
+            return text.let(f"{_ARITHMETIC[op]} {V} {x[0]}, {x[1]}")
+        if op in _FUSED:
+            product, rest = _FUSED[op]
+            a = text.let(f"fneg {V} {x[0]}") if product else x[0]
+            return text.intrinsic("fma", a, x[1], text.let(f"fneg {V} {x[2]}") if rest else x[2])
+        if op in _COMPARISON:
+            return text.let(f"fcmp {_COMPARISON[op]} {V} {x[0]}, {x[1]}")
+        if op in _INTRINSIC:
+            return text.intrinsic(_INTRINSIC[op], x[0])
+        if op == "neg":
+            return text.let(f"fneg {V} {x[0]}")
+        if op == "and":
+            return text.let(f"and {text.M} {x[0]}, {x[1]}")
+        if op == "select":
+            return text.let(f"select {text.M} {x[0]}, {V} {x[1]}, {V} {x[2]}")
+        return self._on_pattern(op, x[0])
+
+    def _on_pattern(self, op: str, x: str) -> str:
+        """power2, exponent and fraction work on the pattern of a number."""
+        text, f, N = self.text, self.f, self.text.N
+        shift = f.integers(f.pattern.shift)
+        pattern = self._pattern_of(x)
+        if op == "power2":
+            moved = text.let(f"shl {N} {pattern}, {shift}")
+            return self._number_of(text.let(f"add {N} {moved}, {f.integers(f.pattern.one)}"))
+        k = text.let(f"ashr {N} {text.let(f'sub {N} {pattern}, {f.integers(f.pattern.root)}')}, {shift}")
+        if op == "exponent":
+            return text.let(f"sitofp {N} {k} to {text.V}")
+        return self._number_of(text.let(f"sub {N} {pattern}, {text.let(f'shl {N} {k}, {shift}')}"))
+
+    def _pattern_of(self, x: str) -> str:
+        return self.text.let(f"bitcast {self.text.V} {x} to {self.text.N}")
+
+    def _number_of(self, pattern: str) -> str:
+        return self.text.let(f"bitcast {self.text.N} {pattern} to {self.text.V}")
