@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from articulated.scalar import Nested
 from articulated.simulation.forces import Forces
 from articulated.simulation.runge_kutta import Point
 from articulated.simulation.semi_implicit import semi_implicit_step
+from articulated.trajectory.files import written
 
 
 def export_c(
@@ -67,7 +67,8 @@ def export_c(
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
-        _write(folder / name, text)
+        with written(folder / name, "w") as file:
+            file.write(text)
     return [folder / name for name in texts]
 
 
@@ -146,15 +147,3 @@ int main(void)
     return 0;
 }}
 """
-
-
-def _write(path: Path, text: str) -> None:
-    handle, name = tempfile.mkstemp(dir=path.parent, suffix=".part")
-    try:
-        with os.fdopen(handle, "w") as file:
-            file.write(text)
-        os.chmod(name, 0o644)
-        os.replace(name, path)
-    except BaseException:
-        os.unlink(name)
-        raise

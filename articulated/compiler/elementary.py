@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from articulated.scalar import Scalar, maximum, minimum, where
+from articulated.scalar import Scalar, absolute, maximum, minimum, where
 
 Traced = Any
 
@@ -165,7 +165,7 @@ def log(x: Traced, single: bool) -> Scalar:
 def atan2(y: Scalar, x: Scalar, single: bool) -> Scalar:
     """The angle of the point (x, y); the sign of a zero is not looked at, and at the origin it is 0."""
     traced = y if hasattr(y, "graph") else x
-    ax, ay = abs_(x), abs_(y)
+    ax, ay = absolute(x), absolute(y)
     large, small = maximum(ax, ay), minimum(ax, ay)
     # small/large beyond tan π/8 is turned back by π/4
     beyond = small > (math.sqrt(2.0) - 1.0) * large
@@ -179,11 +179,6 @@ def atan2(y: Scalar, x: Scalar, single: bool) -> Scalar:
     angle = where(ay > ax, h0 - (angle - h1), angle)
     angle = where(x < 0.0, 2.0 * h0 - (angle - 2.0 * h1), angle)
     return where(y < 0.0, -angle, angle)
-
-
-def abs_(x: Scalar) -> Scalar:
-    """|x| of a number or a traced scalar."""
-    return abs(x) if isinstance(x, (int, float)) else x.absolute()
 
 
 def _quadrant(x: Traced, single: bool) -> tuple[Traced, Traced, Traced]:

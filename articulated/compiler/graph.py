@@ -196,10 +196,9 @@ class Graph:
             if x[0] == "mul" and self.nodes[x[2]][0] == "const":
                 return self.mul(x[1], self.constant(self.nodes[x[2]][1] * c))
             return self.node("mul", a, b)  # constants stand last
-        if (y[0] == "div" and y[2] == a and self.nodes[y[1]][0] == "const") or (
-            x[0] == "div" and x[2] == b and self.nodes[x[1]][0] == "const"
-        ):
-            return y[1] if y[0] == "div" and y[2] == a else x[1]
+        for quotient, divisor in ((y, a), (x, b)):
+            if quotient[0] == "div" and quotient[2] == divisor and self.nodes[quotient[1]][0] == "const":
+                return quotient[1]
         return self.node("mul", a, b) if a <= b else self.node("mul", b, a)
 
     def div(self, a: int, b: int) -> int:

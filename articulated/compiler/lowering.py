@@ -1,8 +1,8 @@
 """From a schedule to LLVM IR: the kernel's own function, and the modules that make up a kernel.
 
-A kernel is `i64 kernel(table, scratch, begin, end, tile)`. It handles the states from `begin` to `end` in blocks of as many as a
-register has lanes, and runs each chunk for `tile` blocks before the next, so that code which outgrows the instruction cache is
-fetched less often. A last block that is not full overlaps the one before it; if there is none, missing states repeat the last
+A kernel is `i64 kernel(table, scratch, begin, end, tile)`. It handles the states from `begin` to `end` in blocks of as many
+as a register has lanes, and runs each chunk for `tile` blocks before the next, so that code which outgrows the instruction
+cache is fetched less often. A last block that is not full overlaps the one before it; if there is none, missing states repeat the last
 one. So nothing is read or written out of bounds, and a state's bits do not depend on where it stands.
 
 The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and,
@@ -43,7 +43,8 @@ class Lowering:
         fits = f.lanes == 1 and not f.single and self.scratch <= STACK
         light = [light_text(program, self.scratch)] if fits else []
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
-        main = [f"@size = internal constant i64 {self.scratch}", *kernel.masks, *kernel.transfers.texts(), text, *light, *declared]
+        size = f"@size = internal constant i64 {self.scratch}"
+        main = [size, *kernel.masks, *kernel.transfers.texts(), text, *light, *declared]
         common = [
             *(f"declare {text_of} @llvm.{name}" for text_of, name in _intrinsics(f)),
             f"attributes #0 = {{ {ATTRIBUTES} }}\n",
@@ -138,11 +139,8 @@ class _Kernel:
         if reads and item.loop:
             turn = text.word(text.word(entry, 3, "ptr"), turn)
         groups = ", ".join([f"ptr {table}", *(f"i64 {count}" for count in counts)])
-        some = self._each(
-            lambda scratch, state: (
-                f"i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}, ptr {scratch}, i64 {state}, i64 {turn}, {groups})"
-            )
-        )
+        move = f"i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}"
+        some = self._each(lambda scratch, state: f"{move}, ptr {scratch}, i64 {state}, i64 {turn}, {groups})")
         if self.program.watched and not item.loop:
             self._raise(some, NOT_FINITE_IN if reads else NOT_FINITE_OUT)
 

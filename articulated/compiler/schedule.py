@@ -171,7 +171,7 @@ def _fused(graph: Graph, outputs: Sequence[Sequence[int]], live: set[int]) -> li
             sums[a] += nodes[i][0] in ("add", "sub") and graph.region[a] == graph.region[i]
     kept = {i for row in outputs for i in row}
     for loop in graph.loops:
-        kept.update(*([*loop.initial, *loop.following], [node for _, _, node in loop.records]))
+        kept.update(loop.initial, loop.following, (node for _, _, node in loop.records))
 
     for i in sorted(live):
         if nodes[i][0] not in ("add", "sub"):

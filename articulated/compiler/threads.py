@@ -1,5 +1,8 @@
-"""Threads that share a batch. It is cut into more parts than there are threads, and whoever is free takes the next: so one that
-wakes up late, or is held up, takes fewer."""
+"""Threads that share a batch.
+
+It is cut into more parts than there are threads, and whoever is free takes the next: so one that wakes up late, or is held up,
+takes fewer.
+"""
 
 from __future__ import annotations
 

@@ -83,8 +83,8 @@ class Transfers:
     def _mover(self, reads: bool) -> str:
         """The function that moves a table's groups; tells whether a number is not finite.
 
-        `entry` is the array's in the kernel's table, `offsets` has for each lane how far its state is from that numbered `state`,
-        and `turn` counts rows.
+        `entry` is the array's in the kernel's table, `offsets` has for each lane how far its state is from the first, which is
+        number `state`, and `turn` counts rows.
         """
         text, f = Text(self.f), self.f
         data, stride, row = (text.word("%entry", k) for k in range(3))
@@ -95,8 +95,9 @@ class Transfers:
         for kind, (width, full) in enumerate(self.kinds):
             with text.loop(f"%count{kind}", text.V, sums) as turn:
                 group = text.at(groups, text.integer("mul", turn.k, size))
-                first, *places = (text.let(f"sext i32 {text.load(text.at(group, 4 * k), 'i32', 4)} to i64") for k in _heads(width))
-                mask = "" if full or f.lanes == 1 else _first(text, text.load(text.at(group, 4), "i32", 4), width)
+                first, present, *places = (text.load(text.at(group, 4 * k), "i32", 4) for k in range(2 + width))
+                mask = "" if full or f.lanes == 1 else _first(text, present, width)
+                first, *places = (text.let(f"sext i32 {x} to i64") for x in (first, *places))
                 here = [text.at(state, first) for state in states]
                 slots = [text.at("%scratch", place) for place in places]
                 seen = self._read(text, here, slots, mask) if reads else self._write(text, here, slots, mask)
@@ -154,11 +155,6 @@ class Transfers:
         """Type and suffix of a vector of so many numbers."""
         part = Format(width, self.f.single)
         return part.vector(part.number), part.suffix
-
-
-def _heads(width: int) -> list[int]:
-    """Of a group's entries: where it begins, and the places in scratch."""
-    return [0, *range(2, 2 + width)]
 
 
 def _first(text: Text, count: str, width: int) -> str:

@@ -11,7 +11,8 @@ import sys
 import warnings
 import weakref
 from collections.abc import Callable, Sequence
-from functools import wraps
+from dataclasses import dataclass
+from functools import cached_property, wraps
 from typing import Any, ParamSpec
 
 import numpy as np
@@ -34,6 +35,27 @@ from articulated.dynamics.boundary import NORM_TOLERANCE, Argument, check_thread
 from articulated.dynamics.mechanism import content, mechanism
 from articulated.rig import Rig
 from articulated.scalar import Nested, absolute, maximum
+
+
+@dataclass(frozen=True, eq=False)
+class _Request:
+    """An algorithm, and what users gave for it.
+
+    Attributes:
+        rig, algorithm, arguments, shape, watched, options: as in `call`.
+        given: those of the arguments that are not part of the program.
+    """
+
+    rig: Rig
+    algorithm: Callable[..., Nested]
+    arguments: Sequence[Argument]
+    shape: tuple[int, ...]
+    watched: bool
+    options: dict[str, Any]
+
+    @cached_property
+    def given(self) -> list[Argument]:
+        return [a for a in self.arguments if not a.fixed]
 
 
 def call(
@@ -63,23 +85,21 @@ def call(
             a quaternion is not of unit length; `out` does not fit; `threads` is not a positive number.
     """
     check_threads(threads)
-    given = [a for a in arguments if not a.fixed]
+    request = _Request(rig, algorithm, arguments, shape, watched, options)
+    given = request.given
     arrays = [_array(rig, a) for a in given]
     batch = _broadcast_batch(rig, arrays, given)
     single = all(array.dtype == np.float32 for array, a in zip(arrays, given, strict=True) if a.role != "gravity")
     dtype = np.dtype(np.float32 if single else np.float64)
     arrays = [array if array.dtype == dtype else array.astype(dtype) for array in arrays]
-    result = np.empty((*batch, *shape), dtype)
-    into = result if out is None else _fitting(out, result, arrays)
-    if watched and (result.size == 0 or interpreting()):
+    into = _result((*batch, *shape), dtype, out, arrays)
+    count, interpreted = math.prod(batch), interpreting()
+    if watched and (into.size == 0 or interpreted):
         for a in given:
             checked(rig, a)
-    if result.size == 0:
-        flags = 0
-    elif interpreting():
-        flags = _interpret(rig, algorithm, arguments, arrays, batch, into, options)
-    else:
-        flags = _run(rig, algorithm, arguments, arrays, batch, into, threads, watched, options)
+    flags = 0
+    if into.size:
+        flags = _interpret(request, arrays, batch, into) if interpreted else _run(request, arrays, batch, count, into, threads)
     if watched and flags & (NOT_FINITE_IN | CHECK_FAILED):
         for a in given:
             checked(rig, a)
@@ -114,39 +134,37 @@ def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
     return entry  # type: ignore[return-value]
 
 
-def _offer_light_path(rig: Rig, algorithm: Callable[..., Nested], kernel: Kernel, shape: tuple[int, ...]) -> None:
-    known = _lights.get(algorithm.__name__.strip("_"))
+def _offer_light_path(request: _Request, kernel: Kernel) -> None:
+    known = _lights.get(_name(request.algorithm))
     if known is not None and (run := light_function(kernel)) is not None:
-        known[id(rig)] = run, shape
-        weakref.finalize(rig, known.pop, id(rig), None).atexit = False
+        known[id(request.rig)] = run, request.shape
+        weakref.finalize(request.rig, known.pop, id(request.rig), None).atexit = False
+
+
+def _name(algorithm: Callable[..., Nested]) -> str:
+    """An algorithm has the name of the public function that runs it; where that is taken, after an underscore."""
+    return algorithm.__name__.strip("_")
 
 
 def _run(
-    rig: Rig,
-    algorithm: Callable[..., Nested],
-    arguments: Sequence[Argument],
+    request: _Request,
     arrays: Sequence[np.ndarray],
     batch: tuple[int, ...],
+    count: int,
     result: np.ndarray,
     threads: int | None,
-    watched: bool,
-    options: dict[str, Any],
 ) -> int:
     """Run compiled code."""
-    count, shape = math.prod(batch), result.shape[len(batch) :]
-    form = tuple([a.value is None if a.fixed else ... for a in arguments])
-    key = (algorithm, form, tuple(options.values()), result.dtype.char, count == 1)
-    kernels = kernels_of(rig)
-    kernel = kernels.get(key)
-    if kernel is None:
-        made = program(rig, algorithm, arguments, shape, watched=watched, **options)
-        kernel = kernels[key] = compiled(made, result.dtype == np.float32, 1 if count == 1 else None)
-        plain = all(a.fixed for a in arguments if a.role in ("gravity", "optional")) and not any(options.values())
-        if count == 1 and plain and result.dtype == np.float64:
-            _offer_light_path(rig, algorithm, kernel, shape)
-    given = (a for a in arguments if not a.fixed)
-    table = [states(array, batch, len(a.shape)) for array, a in zip(arrays, given, strict=True)]
-    table.append((result, result.itemsize * math.prod(shape), 0, None))
+    form = tuple([a.value is None if a.fixed else ... for a in request.arguments])
+    key = (request.algorithm, form, tuple(request.options.values()), result.dtype.char, count == 1)
+    kernels = kernels_of(request.rig)
+    if (kernel := kernels.get(key)) is None:
+        kernel = kernels[key] = compiled(_program(request), result.dtype == np.float32, 1 if count == 1 else None)
+        plain = all(a.fixed for a in request.arguments if a.role in ("gravity", "optional"))
+        if count == 1 and plain and not any(request.options.values()) and result.dtype == np.float64:
+            _offer_light_path(request, kernel)
+    table = [states(array, batch, len(a.shape)) for array, a in zip(arrays, request.given, strict=True)]
+    table.append((result, result.itemsize * math.prod(request.shape), 0, None))
     return kernel(table, count, threads)
 
 
@@ -160,11 +178,15 @@ def program(
     **options: Any,
 ) -> Program:
     """What an algorithm compiles to; of the arguments' values only those that are fixed matter. See `call`."""
-    given = [a for a in arguments if not a.fixed]
+    return _program(_Request(rig, algorithm, arguments, shape, watched, options))
+
+
+def _program(request: _Request) -> Program:
+    rig, algorithm, arguments, given = request.rig, request.algorithm, request.arguments, request.given
 
     def write(tape: Tape, *scalars: Nested) -> list[Nested]:
         these = iter(scalars)
-        return [algorithm(mechanism(rig), *(a.value if a.fixed else next(these) for a in arguments), **options)]
+        return [algorithm(mechanism(rig), *(a.value if a.fixed else next(these) for a in arguments), **request.options)]
 
     def unfit(tape: Tape, *scalars: Nested) -> Any:
         tolerance = NORM_TOLERANCE[np.dtype(np.float32 if tape.graph.single else np.float64)]
@@ -174,35 +196,27 @@ def program(
                 worst = maximum(worst, absolute(sum(x * x for x in q[where]) - 1.0))
         return worst > 1.9 * tolerance  # the square's error is twice the norm's; a little less is looked at again
 
-    name = algorithm.__name__.strip("_")
     form = [(a.name, a.shape, a.role, a.value if a.fixed else ...) for a in arguments]
+    identity = algorithm.__module__, form, request.shape, request.watched, request.options
     return Program(
-        name=name,
-        content=repr((algorithm.__module__, form, shape, watched, options)).encode() + content(rig),
+        name=_name(algorithm),
+        content=repr(identity).encode() + content(rig),
         arguments=tuple(Array(a.name, a.shape) for a in given),
-        results=(Array("result", shape),),
+        results=(Array("result", request.shape),),
         write=write,
         unfit=unfit,
-        watched=watched,
+        watched=request.watched,
     )
 
 
-def _interpret(
-    rig: Rig,
-    algorithm: Callable[..., Nested],
-    arguments: Sequence[Argument],
-    arrays: Sequence[np.ndarray],
-    batch: tuple[int, ...],
-    result: np.ndarray,
-    options: dict[str, Any],
-) -> int:
+def _interpret(request: _Request, arrays: Sequence[np.ndarray], batch: tuple[int, ...], result: np.ndarray) -> int:
     """Run it on numpy."""
-    m, inputs, given = mechanism(rig), [], iter(arrays)
-    for a in arguments:
+    m, inputs, given = mechanism(request.rig), [], iter(arrays)
+    for a in request.arguments:
         array = a.value if a.fixed else next(given)
         array = None if array is None else np.broadcast_to(np.asarray(array, result.dtype), (*batch, *a.shape))
         inputs.append((array, len(a.shape)))
-    evaluate(lambda *scalars: algorithm(m, *scalars, **options), inputs, result, batch)
+    evaluate(lambda *scalars: request.algorithm(m, *scalars, **request.options), inputs, result, batch)
     return 0 if np.isfinite(result).all() else NOT_FINITE_OUT
 
 
@@ -229,28 +243,29 @@ def _broadcast_batch(rig: Rig, arrays: Sequence[np.ndarray], given: Sequence[Arg
 
 def states(array: np.ndarray, batch: tuple[int, ...], core: int) -> tuple[np.ndarray, int, int, np.ndarray | None]:
     """An array as a kernel takes it: each state's numbers in a row, and states evenly spaced."""
-    lead = array.shape[: array.ndim - core]
-    if not array.flags.c_contiguous or lead != batch:
-        shape = array.shape[array.ndim - core :]
-        size, count = math.prod(shape), math.prod(batch)
-        if array.flags.c_contiguous and math.prod(lead) == 1:
-            return array, 0, 0, None
-        array = np.broadcast_to(array, (*batch, *shape)).reshape(count, size)  # a view if one can be had
-        if size > 1 and array.strides[1] != array.itemsize:
-            array = np.ascontiguousarray(array)
-        return array, array.strides[0], 0, None
-    return array, array.itemsize * math.prod(array.shape[array.ndim - core :]), 0, None
+    lead, shape = array.shape[: array.ndim - core], array.shape[array.ndim - core :]
+    size, contiguous = math.prod(shape), array.flags.c_contiguous
+    if contiguous and lead == batch:
+        return array, array.itemsize * size, 0, None
+    if contiguous and math.prod(lead) == 1:
+        return array, 0, 0, None
+    array = np.broadcast_to(array, (*batch, *shape)).reshape(math.prod(batch), size)  # a view if one can be had
+    if size > 1 and array.strides[1] != array.itemsize:
+        array = np.ascontiguousarray(array)
+    return array, array.strides[0], 0, None
 
 
-def _fitting(out: np.ndarray, result: np.ndarray, arrays: Sequence[np.ndarray]) -> np.ndarray:
-    """`out`, or if it cannot be computed into directly, `result`."""
-    if not isinstance(out, np.ndarray) or out.shape != result.shape or out.dtype != result.dtype:
+def _result(shape: tuple[int, ...], dtype: np.dtype, out: np.ndarray | None, arrays: Sequence[np.ndarray]) -> np.ndarray:
+    """Where to compute into: `out`, or if there is none or it cannot be computed into directly, a new array."""
+    if out is None:
+        return np.empty(shape, dtype)
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != dtype:
         got = f"{out.dtype} {out.shape}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise ValueError(f"out is {got}; expected an array of {result.dtype}, shape {result.shape}")
+        raise ValueError(f"out is {got}; expected an array of {dtype}, shape {shape}")
     if not out.flags.writeable:
         raise ValueError("out is read-only; expected an array that can be written to")
     direct = out.flags.c_contiguous and out.flags.aligned and not any(np.may_share_memory(out, array) for array in arrays)
-    return out if direct else result
+    return out if direct else np.empty(shape, dtype)
 
 
 def _warn_of_singularity(rig: Rig, result: np.ndarray, batch_axes: int) -> None:

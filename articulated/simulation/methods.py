@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Scalar, flatten, repeat, where
@@ -21,6 +21,25 @@ Motion = Any
 _UNLIMITED = 1 << 60
 
 
+class Times(NamedTuple):
+    """Lengths of a run's parts, and what an adaptive method is asked for.
+
+    Attributes:
+        period: length of a control period [s].
+        end: when the run ends [s].
+        h: length of a step, or of the first one to try [s].
+        rtol, atol: tolerances of an adaptive method.
+        max_steps: how many it may take.
+    """
+
+    period: Scalar
+    end: Scalar
+    h: Scalar
+    rtol: Scalar
+    atol: Scalar
+    max_steps: Scalar
+
+
 @dataclass(frozen=True)
 class Clock:
     """A control period, and how it is to be divided.
@@ -28,17 +47,13 @@ class Clock:
     Attributes:
         t_end: where it ends [s].
         t_stop: until when the forces stay the same; steps may go beyond the period's end, but not beyond this [s].
-        h: length of a step, or of the first one to try [s].
-        rtol, atol, max_steps: of an adaptive method.
-        substeps: of one with steps of one length.
+        times: of the run.
+        substeps: of a method with steps of one length.
     """
 
     t_end: Scalar
     t_stop: Scalar
-    h: Scalar
-    rtol: Scalar
-    atol: Scalar
-    max_steps: Scalar
+    times: Times
     substeps: Any
 
 
@@ -58,7 +73,7 @@ class Fixed:
 
     def advance(self, mechanism: Mechanism, motion: Motion, forces: Forces, clock: Clock) -> Motion:
         """The motion at the end of a control period."""
-        return repeat(clock.substeps, lambda point: self.step(mechanism, point, forces, clock.h), motion)
+        return repeat(clock.substeps, lambda point: self.step(mechanism, point, forces, clock.times.h), motion)
 
     def at(self, mechanism: Mechanism, motion: Motion, t: Scalar) -> Point:
         """Where it is at a time that it has just reached or passed; not a number if it never got there."""
@@ -83,10 +98,10 @@ class Adaptive(Fixed):
 
     def advance(self, mechanism: Mechanism, motion: Motion, forces: Forces, clock: Clock) -> Motion:
         def attempt(motion: Motion) -> Motion:
-            return dopri5.attempt(mechanism, motion, forces, clock.t_stop, clock.rtol, clock.atol)
+            return dopri5.attempt(mechanism, motion, forces, clock.t_stop, clock.times.rtol, clock.times.atol)
 
         def done(motion: Motion) -> Scalar:
-            return dopri5.at_rest(motion, clock.t_end, clock.max_steps)
+            return dopri5.at_rest(motion, clock.t_end, clock.times.max_steps)
 
         return repeat(_UNLIMITED, attempt, motion, done)
 

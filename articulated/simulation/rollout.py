@@ -31,7 +31,7 @@ from articulated.rig import Rig
 from articulated.scalar import Nested, Scalar, flatten, rebuilt, repeat
 from articulated.simulation.control import Signal
 from articulated.simulation.forces import Forces
-from articulated.simulation.methods import INTEGRATORS, Clock, Motion
+from articulated.simulation.methods import INTEGRATORS, Clock, Motion, Times
 from articulated.simulation.runge_kutta import Point
 from articulated.simulation.state import State
 
@@ -42,43 +42,19 @@ _PATIENCE = 0.2
 
 @dataclass(frozen=True)
 class Plan:
-    """The times of a run.
+    """How a run is divided.
 
     Attributes:
         frames: how many.
         periods: control periods in a frame.
-        period: length of one [s].
-        substeps, h: steps in a period, and their length [s].
-        rtol, atol, max_steps: of an adaptive method.
+        substeps: steps in a period, of a method with steps of one length.
+        times: lengths of all these, and how well an adaptive method is to do.
     """
 
     frames: int
     periods: int
-    period: float
     substeps: int
-    h: float
-    rtol: float
-    atol: float
-    max_steps: int
-
-    @property
-    def end(self) -> float:
-        """When the run ends [s]."""
-        return self.frames * self.periods * self.period
-
-    def settings(self, first: int) -> np.ndarray:
-        """As the algorithms take them (`_Settings`), from the period numbered `first` on."""
-        return np.array([first, self.period, self.end, self.h, self.rtol, self.atol, self.max_steps])
-
-
-class _Settings(NamedTuple):
-    first: Scalar
-    period: Scalar
-    end: Scalar
-    h: Scalar
-    rtol: Scalar
-    atol: Scalar
-    max_steps: Scalar
+    times: Times
 
 
 class Frames(NamedTuple):
@@ -116,9 +92,7 @@ class Rollout:
         self.asks = tau.function is not None or external.function is not None
         self._like: Motion = self.method.begin(_point(rig, [0.0] * (rig.nq + rig.nv + 1)), 0.0)
         point = np.concatenate([start.q, start.v, start.work[..., None]], axis=-1)
-        self.motion = np.empty((*self.batch, len(flatten(self._like))))
-        given = [(point, 1), (np.broadcast_to(plan.h, self.batch), 0)]
-        evaluate(lambda x, h: flatten(self.method.begin(_point(rig, x), h)), given, self.motion, self.batch)
+        self.motion = point if isinstance(self._like, Point) else self._begun(point)
 
     def run(self) -> Iterator[Frames]:
         """All frames, some at a time."""
@@ -139,13 +113,19 @@ class Rollout:
 
     def state(self, k: int) -> State:
         """Where the batch is at the start of period k."""
-        t, point = k * self.plan.period, self.motion
+        t, point = k * self.plan.times.period, self.motion
         nq, nv = self.rig.nq, self.rig.nv
         if not isinstance(self._like, Point):
             given = [Argument("motion", point, point.shape[-1:]), Argument("t", t, ())]
             options = {"watched": False, "integrator": self.integrator}
             point = call(self.rig, _interpolated, given, (nq + nv + 1,), None, self.threads, **options)
         return State(t, point[..., :nq].copy(), point[..., nq : nq + nv].copy(), point[..., nq + nv].copy())
+
+    def _begun(self, point: np.ndarray) -> np.ndarray:
+        motion = np.empty((*self.batch, len(flatten(self._like))))
+        given = [(point, 1), (np.broadcast_to(self.plan.times.h, self.batch), 0)]
+        evaluate(lambda x, h: flatten(self.method.begin(_point(self.rig, x), h)), given, motion, self.batch)
+        return motion
 
     def reached(self) -> tuple[np.ndarray, np.ndarray] | None:
         """How far each state got [s], and whether its step became too short; None if no step can fail."""
@@ -159,8 +139,8 @@ class Rollout:
                 k = frame * self.plan.periods + j
                 if j == 0 or self.asks:
                     state = self.state(k)
-                for signal in (self.tau, self.external):
-                    signal.update(k, k * self.plan.period, state)
+                for signal in self._signals:
+                    signal.update(k, k * self.plan.times.period, state)
                 if j == 0:
                     yield self._now(frame, state, self.tau.value)
                 self._period(k)
@@ -171,15 +151,16 @@ class Rollout:
         if not interpreting():
             self._run(k, 1, 1, [np.empty((*self.batch, 1, *shape)) for shape in self._recorded])
             return
-        given = [(self.motion, 1), (np.broadcast_to(self.plan.settings(k), (*self.batch, 7)), 1)]
-        given += [(signal.value, len(signal.shape)) for signal in (self.tau, self.external)]
+        settings = self._settings(k)
+        given = [(self.motion, 1), (np.broadcast_to(settings, (*self.batch, *settings.shape)), 1)]
+        given += [(signal.value, len(signal.shape)) for signal in self._signals]
         m, resume = mechanism(self.rig), k == 0 or self.changes
 
         def algorithm(motion, settings, tau, external):
             forces = _forces(m, tau, external, self.gravity)
             motion = rebuilt(self._like, iter(motion))
             motion = self.method.resumed(m, motion, forces) if resume else motion
-            clock = _clock(_Settings(*settings), settings[0], self.changes, self.plan.substeps)
+            clock = _clock(Times(*settings[1:]), settings[0], self.changes, self.plan.substeps)
             return flatten(self.method.advance(m, motion, forces, clock))
 
         moved = np.empty_like(self.motion)
@@ -205,6 +186,14 @@ class Rollout:
             tau = tau[..., None, :]
         return Frames(frame, state.q[..., None, :], state.v[..., None, :], state.work[..., None], tau)
 
+    def _settings(self, first: int) -> np.ndarray:
+        """As the algorithms take them: the number of the first period, then the times."""
+        return np.array([first, *self.plan.times])
+
+    @property
+    def _signals(self) -> tuple[Signal, Signal]:
+        return self.tau, self.external
+
     # compiled
 
     @property
@@ -214,9 +203,9 @@ class Rollout:
     def _run(self, first: int, frames: int, periods: int, recorded: list[np.ndarray]) -> None:
         """Run some frames from period `first` on, recording their beginnings."""
         moved, batch = np.empty_like(self.motion), self.batch
-        table = [states(self.motion, batch, 1), states(self.plan.settings(first), batch, 1)]
-        for signal in (self.tau, self.external):
-            if signal.function is None and signal.over_time is not None:
+        table = [states(self.motion, batch, 1), states(self._settings(first), batch, 1)]
+        for signal in self._signals:
+            if signal.over_time is not None:
                 array, step, *_ = states(signal.over_time, batch, len(signal.shape) + 1)
                 row = 8 * math.prod(signal.shape)
                 table.append((array, step, row, signal.turns[first:]))
@@ -245,16 +234,13 @@ class Rollout:
             kernels[key] = compiled(self._program(signals, repr(key).encode()), False, 1 if one else None)
         return kernels[key]
 
-    @property
-    def _signals(self) -> tuple[Signal, Signal]:
-        return self.tau, self.external
-
     def _program(self, signals: list[str], key: bytes) -> Program:
         rig, method, like, changes = self.rig, self.method, self._like, self.changes
         size = len(flatten(like))
 
         def write(tape: Tape, motion: Nested, settings: Nested, *given: Any) -> list[Nested]:
-            m, times, rest = mechanism(rig), _Settings(*settings), iter(given)
+            m, (first, *lengths), rest = mechanism(rig), settings, iter(given)
+            times = Times(*lengths)
             tau, external = (next(rest) if signal else None for signal in signals)
             gravity = next(rest, GRAVITY)
 
@@ -277,11 +263,11 @@ class Rollout:
 
             start = rebuilt(like, iter(motion))
             start = start if changes else method.resumed(m, start, forces())
-            _, end = repeat(tape.parameter(_FRAMES), frame, [times.first, start])
+            _, end = repeat(tape.parameter(_FRAMES), frame, [first, start])
             return [flatten(end)]
 
         shapes = {"tau": (rig.nv,), "external": (rig.nlinks, 6)}
-        arguments = [Array("motion", (size,)), Array("settings", (len(_Settings._fields),))]
+        arguments = [Array("motion", (size,)), Array("settings", (1 + len(Times._fields),))]
         arguments += [Array(name, shapes[name], kind == "rows") for name, kind in zip(shapes, signals, strict=True) if kind]
         arguments += [Array("gravity", (3,))] * self._gravity_given
         recorded = zip(("q", "v", "work"), self._recorded, strict=True)
@@ -313,7 +299,7 @@ def _forces(m: Mechanism, tau: Nested, external: Nested, gravity: Nested) -> For
     return Forces([0.0] * m.nv if tau is None else tau, external, gravity)
 
 
-def _clock(times: _Settings, k: Scalar, changes: bool, substeps: Any) -> Clock:
+def _clock(times: Times, k: Scalar, changes: bool, substeps: Any) -> Clock:
     """The k-th control period: if forces change, a step may not go beyond its end."""
     t_end = (k + 1.0) * times.period
-    return Clock(t_end, t_end if changes else times.end, times.h, times.rtol, times.atol, times.max_steps, substeps)
+    return Clock(t_end, t_end if changes else times.end, times, substeps)

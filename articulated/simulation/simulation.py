@@ -15,7 +15,7 @@ from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, chec
 from articulated.dynamics.functions import kinetic_energy, potential_energy
 from articulated.rig import Rig
 from articulated.simulation.control import Signal
-from articulated.simulation.methods import INTEGRATORS
+from articulated.simulation.methods import INTEGRATORS, Times
 from articulated.simulation.rollout import Plan, Rollout
 from articulated.simulation.state import State
 from articulated.trajectory import Outcome, Trajectory
@@ -97,13 +97,14 @@ class Simulation:
         v = np.array(np.broadcast_to(v, (*batch, rig.nv)), dtype=float)
         return State(0.0, q, v, np.zeros(batch))
 
-    def step(self, state: State, control: ArrayLike | None = None, external: ArrayLike | None = None) -> State:
+    def step(self, state: State, control: Control = None, external: Control = None) -> State:
         """One control period, `substeps` steps of `dt`, on.
 
         Args:
             state: from `reset` or an earlier `step`.
-            control: generalized forces, shape (..., nv) [N m, N]; None is none.
-            external: wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6) [N, N m].
+            control: generalized forces, shape (..., nv) [N m, N], or a function of time and state that gives them, or None.
+            external: likewise wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6)
+                [N, N m].
 
         Raises:
             ValueError: an array does not fit the rig, is not finite, or does not broadcast with the state.
@@ -166,8 +167,8 @@ class Simulation:
             Signal(self.rig, "control", (self.rig.nv,), batch, total, control),
             Signal(self.rig, "external", (self.rig.nlinks, 6), batch, total, external),
         )
-        h = period / self.substeps
-        plan = Plan(frames, periods, period, self.substeps, h, self.rtol, self.atol, self.max_steps)
+        times = Times(period, frames * periods * period, period / self.substeps, self.rtol, self.atol, self.max_steps)
+        plan = Plan(frames, periods, self.substeps, times)
         return Rollout(self.rig, self.integrator, self._gravity, start, *signals, plan, self.threads)
 
     def _trajectory(
@@ -184,8 +185,8 @@ class Simulation:
         if (reached := rollout.reached()) is not None:
             t, failed = reached
             stopped = np.where(failed, np.int8(Outcome.STEP_TOO_SMALL), np.int8(Outcome.STEP_LIMIT))
-            outcome = np.where(t >= rollout.plan.end, outcome, stopped)
-        settings = {"integrator": self.integrator, "dt": rollout.plan.h, "substeps": self.substeps}
+            outcome = np.where(t >= rollout.plan.times.end, outcome, stopped)
+        settings = {"integrator": self.integrator, "dt": rollout.plan.times.h, "substeps": self.substeps}
         if self.integrator == "dopri5":
             settings |= {"rtol": self.rtol, "atol": self.atol}
         trajectory = Trajectory(
