@@ -2,8 +2,8 @@
 
 A kernel is `i64 kernel(table, scratch, begin, end, tile)`. It handles the states from `begin` to `end` in blocks of as many
 as a register has lanes, and runs each chunk for `tile` blocks before the next, so that code which outgrows the instruction
-cache is fetched less often. A last block that is not full overlaps the one before it; if there is none, missing states repeat the last
-one. So nothing is read or written out of bounds, and a state's bits do not depend on where it stands.
+cache is fetched less often. A last block that is not full overlaps the one before it; if there is none, missing states repeat
+the last one. So nothing is read or written out of bounds, and a state's bits do not depend on where it stands.
 
 The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and,
 for an argument with rows, the address of the numbers of the rows that the turns of its loop take. Then come the parameters.
