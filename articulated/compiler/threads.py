@@ -27,8 +27,7 @@ def default_threads() -> int:
 def shared(work: Callable[[int], int], parts: int, threads: int) -> int:
     """Call `work` for each part, on so many threads, this one among them; what the calls returned, bits together."""
     job = _Job(work, parts)
-    for _ in range(_crew(min(threads, _cores()) - 1)):
-        _jobs.put(job)
+    _crew.give(job, min(threads, os.cpu_count() or 1) - 1)
     return job.finished()
 
 
@@ -67,24 +66,29 @@ class _Job:
         return flags
 
 
-_jobs: SimpleQueue[_Job] = SimpleQueue()
-_threads: list[threading.Thread] = []
-_lock = threading.Lock()
+class _Crew:
+    """Threads that wait for jobs, as many as were ever wanted."""
+
+    def __init__(self):
+        self._jobs: SimpleQueue[_Job] = SimpleQueue()
+        self._threads: list[threading.Thread] = []
+        self._lock = threading.Lock()
+
+    def give(self, job: _Job, threads: int) -> None:
+        """Let so many threads help with a job."""
+        with self._lock:
+            for number in range(len(self._threads), threads):
+                self._threads.append(threading.Thread(target=self._work, name=f"articulated-{number}", daemon=True))
+                self._threads[-1].start()
+        for _ in range(threads):
+            self._jobs.put(job)
+
+    def _work(self) -> None:
+        while True:
+            self._jobs.get().help()
 
 
-def _crew(wanted: int) -> int:
-    """See that so many threads wait for jobs; how many a job is to be given to."""
-    with _lock:
-        while len(_threads) < wanted:
-            thread = threading.Thread(target=_wait_for_jobs, name=f"articulated-{len(_threads) + 1}", daemon=True)
-            thread.start()
-            _threads.append(thread)
-    return wanted
-
-
-def _wait_for_jobs() -> None:
-    while True:
-        _jobs.get().help()
+_crew = _Crew()
 
 
 @cache
@@ -93,4 +97,4 @@ def _cores() -> int:
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_threads.clear)  # threads do not survive a fork
+    os.register_at_fork(after_in_child=_crew.__init__)  # threads do not survive a fork

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import articulated as art
+from articulated.dynamics.calls import _lights
+from articulated.dynamics.functions import programs
 
 RIG = art.load("buggy", root="free")
 
@@ -154,11 +156,23 @@ def test_the_light_path_takes_plain_states_only(plain):
         art.forward_dynamics()
 
 
+def test_every_function_has_its_light_path(rng):
+    rig = art.load("buggy", root="free")
+    functions = programs(rig)
+    assert set(functions) == set(_lights)
+    for name, one in functions.items():
+        state = [rig.random(rng) if a.name.startswith("q") else rng.normal(size=a.shape) for a in one.arguments]
+        expected = getattr(art, name)(rig, *state)
+        run, shape = _lights[name][id(rig)]
+        result = np.empty(shape)
+        assert run(*state, result)
+        assert result.tobytes() == expected.tobytes()
+        assert not run(*state, result[None])
+
+
 def test_rigs_come_and_go(rng):
     """Code lives as long as it is used, and no longer than its rig."""
     import gc
-
-    from articulated.dynamics.calls import _lights
 
     before = len(_lights["forward_dynamics"])
     for k in range(20):
