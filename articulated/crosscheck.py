@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -40,13 +41,17 @@ class PinocchioModel:
     def __init__(self, rig: Rig, model: Any):
         """Pair a rig with a model whose joints have the same names; followers are independent joints in the model."""
         self.rig, self.model = rig, model
-        self.data = model.createData()
         self.model.gravity.linear = np.array(GRAVITY)
         self.G = np.zeros((model.nv, rig.nv))
         for name, joint in rig.joints.items():
             rows = slice(model.idx_vs[self._id(name)], model.idx_vs[self._id(name)] + model.nvs[self._id(name)])
             owner = rig.joints[joint.mimic.joint] if joint.mimic else joint
             self.G[rows, owner.v_slice] = np.eye(owner.nv) * (joint.mimic.multiplier if joint.mimic else 1.0)
+
+    @cached_property
+    def data(self) -> Any:
+        """Pinocchio's working memory; it grows with the cube of nv."""
+        return self.model.createData()
 
     @staticmethod
     def from_urdf(rig: Rig, text: str) -> PinocchioModel:

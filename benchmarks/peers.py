@@ -25,16 +25,19 @@ class Pinocchio:
 
     def __init__(self, rig: art.Rig, q: np.ndarray, v: np.ndarray, tau: np.ndarray):
         self.model = PinocchioModel.from_rig(rig).model
-        self.data = self.model.createData()
         pool = pin.ModelPool(self.model, 1)
         Q, V, T = (np.asfortranarray(x.T) for x in (q, v, tau))
         A = np.zeros_like(V, order="F")
-        one = [np.ascontiguousarray(x[0]) for x in (q, v, tau)]
+        self._one = [np.ascontiguousarray(x[0]) for x in (q, v, tau)]
         self.batch: dict[str, Contender] = {
             "forward_dynamics": timed(lambda: pin.abaInParallel(1, pool, Q, V, T, A)),
             "inverse_dynamics": timed(lambda: pin.rneaInParallel(1, pool, Q, V, T, A)),
         }
-        self.single: Contender = timed(lambda: pin.aba(self.model, self.data, *one))
+
+    def single(self) -> Contender:
+        """`pin.aba` for one state."""
+        model, data, one = self.model, self.model.createData(), self._one
+        return timed(lambda: pin.aba(model, data, *one))
 
 
 class Native:

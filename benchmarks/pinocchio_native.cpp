@@ -1,4 +1,4 @@
-// Pinocchio's own C++ over many states, built for this processor: the fastest it can be. Reads a model (see `native.py`) and a
+// Pinocchio's own C++ over many states, built for this processor: the fastest it can be. Reads a model (see `peers.py`) and a
 // number of states, then for every function named on a line of standard input prints the nanoseconds per state that it took.
 #include <pinocchio/multibody.hpp>
 #include <pinocchio/algorithm/aba.hpp>
@@ -57,7 +57,7 @@ int main(int, char **arguments)
     Eigen::MatrixXd Q(model.nq, states), V = Eigen::MatrixXd::Random(model.nv, states), T = Eigen::MatrixXd::Random(model.nv, states);
     Eigen::VectorXd limit = Eigen::VectorXd::Constant(model.nq, 1.0), q(model.nq);
     for (int k = 0; k < states; ++k) Q.col(k) = pin::randomConfiguration(model, -limit, limit);
-    Eigen::MatrixXd result(model.nv, states);
+    Eigen::MatrixXd result(model.nv, states), masses(model.nv * model.nv, states);
     std::string line;
     std::cout << "ready" << std::endl;
     double sink = 0.0;
@@ -66,6 +66,10 @@ int main(int, char **arguments)
         for (int k = 0; k < states; ++k) {
             if (line == "forward_dynamics") result.col(k) = pin::aba(model, data, Q.col(k), V.col(k), T.col(k), pin::Convention::LOCAL);
             else if (line == "inverse_dynamics") result.col(k) = pin::rnea(model, data, Q.col(k), V.col(k), T.col(k));
+            else if (line == "mass_matrix, kept") {
+                const auto &M = pin::crba(model, data, Q.col(k), pin::Convention::LOCAL);
+                Eigen::Map<Eigen::MatrixXd>(masses.col(k).data(), model.nv, model.nv) = M.selfadjointView<Eigen::Upper>();
+            }
             else sink += pin::crba(model, data, Q.col(k), pin::Convention::LOCAL)(0, 0);
         }
         const std::chrono::duration<double, std::nano> taken = std::chrono::steady_clock::now() - begin;

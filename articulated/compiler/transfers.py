@@ -50,7 +50,7 @@ class Transfers:
         for k, i in item.scalars:
             groups.setdefault(k - k % f.lanes, {})[k % f.lanes] = i
         rows: list[list[list[int]]] = [[] for _ in self.kinds]
-        for first, nodes in groups.items():
+        for first, nodes in sorted(groups.items()):  # memory is touched in order
             present = min(f.lanes, size - first)
             places = [self._place(nodes.get(k, _NOWHERE if reads else _ZERO)) for k in range(f.lanes)]
             kind = max(k for k, (width, full) in enumerate(self.kinds) if present == width or (present < width and not full))
