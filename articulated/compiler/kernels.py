@@ -36,9 +36,6 @@ _PART = 20e-6
 _PARTS = 8
 _OPERATION = 0.4e-9
 """About what an operation takes, for a whole vector [s]."""
-_INSTRUCTIONS = 4000
-"""Operations whose code fits into the instruction cache. Larger programs run each chunk for several blocks before the next."""
-_TILE = 4
 
 
 class Kernel:
@@ -46,15 +43,16 @@ class Kernel:
 
     Attributes:
         name: of the program.
-        lanes: states that a block holds.
-        operations: on each of them.
+        format: number format, and states that a block holds.
+        alone: how many states are not worth more than one thread.
     """
 
-    def __init__(self, name: str, lanes: int, on: Machine, header: dict[str, Any], code: bytes):
-        self.name, self.lanes = name, lanes
-        self.operations: int = header["operations"]
-        self.tile = _TILE if self.operations > _INSTRUCTIONS and lanes > 1 else 1
-        self._scratch_bytes: int = header["scratch"] * self.tile
+    def __init__(self, name: str, f: Format, on: Machine, header: dict[str, Any], code: bytes):
+        self.name, self.format = name, f
+        self._block: float = header["operations"] * _OPERATION  # about how long one takes [s]
+        self._tile: int = header["tile"]
+        self._scratch_bytes: int = header["scratch"] * header["tile"]
+        self.alone = int(2.0 * _SHARE / max(self._block, 1e-9)) * f.lanes
         ends = list(accumulate(header["objects"], initial=0))
         self._engine = on.load([code[a:b] for a, b in pairwise(ends)])  # the code lives as long as this does
         self._run = _RUN(self._engine.get_function_address("kernel"))
@@ -86,12 +84,12 @@ class Kernel:
         for array, state, row, rows in arrays:
             entries += (address_of(array), state, row, 0 if rows is None else address_of(rows))
         table = (ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters)
-        work, blocks = self.cost(batch) * turns, -(-batch // self.lanes)
+        work, blocks = self.cost(batch) * turns, self._blocks(batch)
         threads = min(blocks, threads or max(1, min(default_threads(), int(work / _SHARE))))
         if threads == 1:
             return self._part(table, 0, batch)
         parts = min(blocks, max(threads, min(_PARTS * threads, int(work / _PART))))
-        size = -(-blocks // parts) * self.lanes
+        size = -(-blocks // parts) * self.format.lanes
 
         def part(k: int, arrays: Any = arrays) -> int:  # whoever has this has the arrays
             return self._part(table, k * size, min(k * size + size, batch))
@@ -104,13 +102,16 @@ class Kernel:
         except IndexError:
             memory = np.empty(self._scratch_bytes + 64, np.uint8)
             scratch = memory, -(-address_of(memory) // 64) * 64
-        flags = self._run(ctypes.addressof(table), scratch[1], begin, end, self.tile)
+        flags = self._run(ctypes.addressof(table), scratch[1], begin, end, self._tile)
         self._scratch.append(scratch)
         return flags
 
     def cost(self, batch: int) -> float:
         """About how long it takes for a batch on one thread, if each of its chunks runs once [s]."""
-        return -(-batch // self.lanes) * self.operations * _OPERATION
+        return self._blocks(batch) * self._block
+
+    def _blocks(self, batch: int) -> int:
+        return -(-batch // self.format.lanes)
 
 
 _kernels: WeakKeyDictionary[Any, dict[Any, Kernel]] = WeakKeyDictionary()
@@ -138,10 +139,10 @@ def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel
     f = Format(lanes or on.register // (4 if single else 8), single)
     key = hashlib.sha256(b"\0".join([_SOURCE, on.identity, repr((program.name, f)).encode(), program.content])).hexdigest()
     entry = disk.get(key)
-    if entry is None or set(entry[0]) != {"operations", "scratch", "objects"}:
+    if entry is None or set(entry[0]) != {"operations", "scratch", "tile", "objects"}:
         entry = _build(program, f, on)
         disk.put(key, *entry)
-    return Kernel(program.name, f.lanes, on, *entry)
+    return Kernel(program.name, f, on, *entry)
 
 
 def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], bytes]:
@@ -160,6 +161,7 @@ def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], by
     header = {
         "operations": sum(1 for _ in plan.operations()),
         "scratch": lowering.scratch,
+        "tile": lowering.tile,
         "objects": [len(code) for code in objects],
     }
     if folder := os.environ.get("ARTICULATED_DUMP"):

@@ -1,8 +1,8 @@
-"""One state with as little overhead as Python allows: the kernel itself is a Python function.
+"""Plain arguments with as little overhead as Python allows: the kernel itself is a Python function.
 
 Its code takes numpy arrays as CPython hands them to any function written in C, and looks at their headers: it refuses whatever
-is not a plain array of the expected shape. What these headers are made of is part of numpy's binary interface: data, number of
-axes, shape, strides, base, type. It is checked once, on an array.
+is not a plain array of the expected shape, for one state or for a batch. What these headers are made of is part of numpy's
+binary interface: data, number of axes, shape, strides, base, type. It is checked once, on an array.
 """
 
 from __future__ import annotations
@@ -24,38 +24,56 @@ _OBJECT = object.__basicsize__
 """Bytes of a Python object before what is its own."""
 _FASTCALL = 0x80
 _WORD = ctypes.c_int64
+_PYTHON = ctypes.pythonapi
 
 
-def light_text(program: Program, scratch: int) -> str:
-    """`light(self, args, nargs)`, a Python function in C: takes numpy arrays, returns whether all went well."""
-    text = Text(Format(1, single=False))
+def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
+    """`light(self, args, nargs)`, a Python function in C: takes numpy arrays, returns whether all went well.
+
+    With one lane it is for one state, and else for a batch, during which other threads of Python may run.
+    """
+    text = Text(f)
     arrays = (*program.arguments, *program.results)
+    batch = f.lanes > 1
 
-    def demand(a: str, b: int | str, kind: str = "i64") -> None:
+    def demand(a: str, b: int | str, comparison: str = "eq i64") -> None:
         accepted = text.label()
-        text.branch(text.let(f"icmp eq {kind} {a}, {b}"), accepted, "refuse")
+        text.branch(text.let(f"icmp {comparison} {a}, {b}"), accepted, "refuse")
         text.begin(accepted)
 
     text.do(f"%table = alloca [{4 * len(arrays)} x i64]")
-    text.do(f"%scratch = alloca [{scratch} x i8], align 64")
+    text.do(f"%scratch = alloca [{scratch * tile} x i8], align 64")
     demand("%nargs", len(arrays))
     array_type, number_type = text.word("@context", 0), text.word("@context", 1)
+    states = "1"
     for a, array in enumerate(arrays):
         given = text.word("%args", a, "ptr")
         header = text.at(given, _OBJECT)
         demand(text.word(text.at(given, _OBJECT - 8)), array_type)
         demand(text.word(header, 5), number_type)
-        demand(text.load(text.at(header, 8), "i32", 4), len(array.shape), "i32")
-        step = 8 * array.size
-        for k, n in enumerate(array.shape):
+        demand(text.load(text.at(header, 8), "i32", 4), len(array.shape) + batch, "eq i32")
+        shape, strides = text.word(header, 2, "ptr"), text.word(header, 3, "ptr")
+        step = f.bytes * array.size
+        if batch:
+            count = text.word(shape)
+            if a == 0:
+                states = count
+                demand(states, 0, "sgt i64")
+            demand(count, states)
+            demand(text.word(strides), step)
+        for k, n in enumerate(array.shape, start=batch):
             step //= max(n, 1)
-            demand(text.word(text.word(header, 2, "ptr"), k), n)
-            demand(text.word(text.word(header, 3, "ptr"), k), step)
+            demand(text.word(shape, k), n)
+            demand(text.word(strides, k), step)
         data = text.word(header)
-        demand(text.integer("and", data, 7), 0)
-        for k, x in enumerate((data, 0, 0, 0)):
+        demand(text.integer("and", data, f.bytes - 1), 0)
+        for k, x in enumerate((data, f.bytes * array.size, 0, 0)):
             text.keep(x, text.entry("%table", 4 * a + k))
-    demand(text.let("call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 1, i64 1)"), 0)
+    thread = text.let(f"call ptr {text.word('@context', 4, 'ptr')}()") if batch else ""
+    flags = text.let(f"call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 {states}, i64 {tile})")
+    if batch:
+        text.do(f"call void {text.word('@context', 5, 'ptr')}(ptr {thread})")
+    demand(flags, 0)
     accepted = text.block
     text.do("br label %return")
     text.begin("refuse")
@@ -65,7 +83,7 @@ def light_text(program: Program, scratch: int) -> str:
     if sys.version_info < (3, 12):  # later, True and False count no references
         text.keep(text.integer("add", text.word(answer), 1), answer)
     function = text.function("ptr", "light", "ptr %self, ptr %args, i64 %nargs", answer, linkage="")
-    return f"@context = global [4 x i64] zeroinitializer\n{function}"
+    return f"@context = global [6 x i64] zeroinitializer\n{function}"
 
 
 class _Method(ctypes.Structure):
@@ -80,15 +98,17 @@ class _Method(ctypes.Structure):
 
 
 def light_function(kernel: Any) -> Callable[..., bool] | None:
-    """The function of a kernel for one state: takes its arguments and results, says whether it could; None if there is none."""
+    """The function of a kernel: takes arguments and results, says whether it could do it; None if there is none."""
     address = kernel.address("light")
     if not address or not headers_are_as_expected():
         return None
-    context = (_WORD * 4).from_address(kernel.address("context"))
-    context[:] = [id(np.ndarray), id(np.dtype(np.float64)), id(True), id(False)]
+    number = np.dtype(np.float32 if kernel.format.single else np.float64)
+    others = (ctypes.cast(x, ctypes.c_void_p).value for x in (_PYTHON.PyEval_SaveThread, _PYTHON.PyEval_RestoreThread))
+    context = (_WORD * 6).from_address(kernel.address("context"))
+    context[:] = [id(np.ndarray), id(number), id(True), id(False), *others]
     method = _Method(kernel.name.encode(), address, _FASTCALL, None)
     owner = (kernel, method)  # the function keeps alive what it is made of
-    make = ctypes.pythonapi.PyCFunction_NewEx
+    make = _PYTHON.PyCFunction_NewEx
     make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
     return make(ctypes.addressof(method), owner, None)
 

@@ -26,6 +26,9 @@ NOT_FINITE_IN, NOT_FINITE_OUT, CHECK_FAILED = 1, 2, 4
 
 _MODULE = 4
 """Chunks in a module."""
+_INSTRUCTIONS = 4000
+"""Operations whose code fits into the instruction cache. Larger programs run each chunk for several blocks before the next."""
+_TILE = 4
 
 
 class Lowering:
@@ -34,14 +37,19 @@ class Lowering:
     Attributes:
         modules: the kernel's own module, then those with the chunks, each small enough to be compiled in a moment.
         scratch: bytes that the kernel needs for each block of a tile.
+        tile: how many blocks it had best run a chunk for.
     """
 
     def __init__(self, schedule: Schedule, program: Program, f: Format):
         kernel = _Kernel(schedule, program, f)
         text = kernel.function()
         chunks, self.scratch = kernel.chunks, kernel.transfers.scratch
-        fits = f.lanes == 1 and not f.single and self.scratch <= STACK
-        light = [light_text(program, self.scratch)] if fits else []
+        operations = sum(1 for _ in schedule.operations())
+        self.tile = _TILE if f.lanes > 1 and operations > _INSTRUCTIONS else 1
+        arrays = (*program.arguments, *program.results)
+        small = self.scratch * self.tile <= STACK and (f.lanes > 1 or not f.single)
+        plain = small and not any(array.rows for array in arrays)
+        light = [light_text(program, f, self.scratch, self.tile)] if plain else []
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
         size = f"@size = internal constant i64 {self.scratch}"
         main = [size, *kernel.masks, *kernel.transfers.texts(), text, *light, *declared]

@@ -11,7 +11,7 @@ import sys
 import warnings
 import weakref
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, wraps
 from typing import Any, ParamSpec
 
@@ -110,35 +110,67 @@ def call(
     return into if out is None else out
 
 
+@dataclass(slots=True)
+class _Light:
+    """Quick ways for plain arguments: functions in machine code that say whether they could.
+
+    Attributes:
+        shape: of the result for one state.
+        one: for a state in float64.
+        many: for batches, by their type's character; with how many states are not worth more than one thread.
+    """
+
+    shape: tuple[int, ...]
+    one: Callable[..., bool] = lambda *_: False
+    many: dict[str, tuple[Callable[..., bool], int]] = field(default_factory=dict)
+
+
 P = ParamSpec("P")
-_lights: dict[str, dict[int, tuple[Callable[..., bool], tuple[int, ...]]]] = {}
+_lights: dict[str, dict[int, _Light]] = {}
+_ALONE = {"threads": 1}
 
 
 def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
-    """Let a public function answer for one plain state at once, if a kernel for one state is there already.
+    """Let a public function answer at once for plain states, if a kernel for them is there already.
 
-    What is unusual in any way (options, keywords, other types or shapes, numbers that are not finite) goes the usual way.
+    What is unusual in any way (options, keywords, other types or shapes, numbers that are not finite) goes the usual way, and
+    so does what is worth several threads.
     """
     known = _lights.setdefault(function.__name__, {})
-    empty = np.empty
+    empty, ndarray = np.empty, np.ndarray
 
     @wraps(function)
     def entry(*arguments, **options):
-        if arguments and not options and (found := known.get(id(arguments[0]))) is not None:
-            run, shape = found
-            result = empty(shape)
-            if run(*arguments[1:], result):
-                return result
+        light = known.get(id(arguments[0])) if len(arguments) > 1 and (not options or options == _ALONE) else None
+        if light is not None and type(first := arguments[1]) is ndarray:
+            if first.ndim == 1:
+                result = empty(light.shape)
+                if light.one(*arguments[1:], result):
+                    return result
+            elif first.ndim == 2 and (found := light.many.get(first.dtype.char)) is not None and not interpreting():
+                run, alone = found
+                if options or len(first) <= alone:
+                    result = empty((len(first), *light.shape), first.dtype)
+                    if run(*arguments[1:], result):
+                        return result
         return function(*arguments, **options)
 
     return entry  # type: ignore[return-value]
 
 
 def _offer_light_path(request: _Request, kernel: Kernel) -> None:
+    plain = all(a.fixed for a in request.arguments if a.role in ("gravity", "optional")) and not any(request.options.values())
     known = _lights.get(_name(request.algorithm))
-    if known is not None and (run := light_function(kernel)) is not None:
-        known[id(request.rig)] = run, request.shape
+    if known is None or not plain or (run := light_function(kernel)) is None:
+        return
+    light = known.get(id(request.rig))
+    if light is None:
+        light = known[id(request.rig)] = _Light(request.shape)
         weakref.finalize(request.rig, known.pop, id(request.rig), None).atexit = False
+    if kernel.format.lanes > 1:
+        light.many["f" if kernel.format.single else "d"] = run, kernel.alone
+    elif not kernel.format.single:
+        light.one = run
 
 
 def _name(algorithm: Callable[..., Nested]) -> str:
@@ -160,9 +192,7 @@ def _run(
     kernels = kernels_of(request.rig)
     if (kernel := kernels.get(key)) is None:
         kernel = kernels[key] = compiled(_program(request), result.dtype == np.float32, 1 if count == 1 else None)
-        plain = all(a.fixed for a in request.arguments if a.role in ("gravity", "optional"))
-        if count == 1 and plain and not any(request.options.values()) and result.dtype == np.float64:
-            _offer_light_path(request, kernel)
+        _offer_light_path(request, kernel)
     table = [states(array, batch, len(a.shape)) for array, a in zip(arrays, request.given, strict=True)]
     table.append((result, result.itemsize * math.prod(request.shape), 0, None))
     return kernel(table, count, threads)

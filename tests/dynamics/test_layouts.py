@@ -163,11 +163,20 @@ def test_every_function_has_its_light_path(rng):
     for name, one in functions.items():
         state = [rig.random(rng) if a.name.startswith("q") else rng.normal(size=a.shape) for a in one.arguments]
         expected = getattr(art, name)(rig, *state)
-        run, shape = _lights[name][id(rig)]
-        result = np.empty(shape)
-        assert run(*state, result)
+        light = _lights[name][id(rig)]
+        result = np.empty(light.shape)
+        assert light.one(*state, result)
         assert result.tobytes() == expected.tobytes()
-        assert not run(*state, result[None])
+        assert not light.one(*state, result[None])
+        for dtype in (np.float64, np.float32):
+            states = [np.stack([x, x, x]).astype(dtype) for x in state]
+            expected = getattr(art, name)(rig, *states)
+            result = np.zeros_like(expected)
+            run, _ = light.many[result.dtype.char]
+            assert run(*states, result)
+            assert result.tobytes() == expected.tobytes()
+            for unusual in (result[:2], result[..., None], result.astype("g")):
+                assert not run(*states, unusual)
 
 
 def test_rigs_come_and_go(rng):
