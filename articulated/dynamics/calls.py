@@ -140,9 +140,11 @@ def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
     empty, ndarray = np.empty, np.ndarray
 
     @wraps(function)
-    def entry(*arguments, **options):
-        light = known.get(id(arguments[0])) if len(arguments) > 1 and (not options or options == _ALONE) else None
-        if light is not None and type(first := arguments[1]) is ndarray:
+    def entry(*arguments: Any, **options: Any) -> np.ndarray:
+        light = None
+        if len(arguments) > 1 and (not options or options == _ALONE):
+            light, first = known.get(id(arguments[0])), arguments[1]
+        if light is not None and type(first) is ndarray:
             if first.ndim == 1:
                 result = empty(light.shape)
                 if light.one(*arguments[1:], result):
@@ -153,7 +155,7 @@ def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
                     result = empty((len(first), *light.shape), first.dtype)
                     if run(*arguments[1:], result):
                         return result
-        return function(*arguments, **options)
+        return function(*arguments, **options)  # type: ignore[call-arg]
 
     return entry  # type: ignore[return-value]
 
