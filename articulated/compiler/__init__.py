@@ -5,6 +5,7 @@ from articulated.compiler.kernels import Kernel, compiled, kernels_of
 from articulated.compiler.light import light_function
 from articulated.compiler.lowering import CHECK_FAILED, NOT_FINITE_IN, NOT_FINITE_OUT
 from articulated.compiler.program import Array, Program, Rows, Tape
+from articulated.compiler.threads import crew
 
 __all__ = [
     "CHECK_FAILED",
@@ -17,6 +18,7 @@ __all__ = [
     "Tape",
     "as_scalars",
     "compiled",
+    "crew",
     "evaluate",
     "interpreting",
     "kernels_of",

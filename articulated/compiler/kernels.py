@@ -21,7 +21,7 @@ from articulated.compiler.light import address_of
 from articulated.compiler.lowering import Lowering
 from articulated.compiler.program import Program, Tape
 from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
-from articulated.compiler.threads import default_threads, shared
+from articulated.compiler.threads import TABLE, crew, default_threads
 
 if TYPE_CHECKING:
     from articulated.compiler.machine import Machine
@@ -31,8 +31,8 @@ _PATIENCE = 2.0
 """How long compiling may take before a bar tells how far it is [s]."""
 _SHARE = 100e-6
 """Work worth giving to one more thread [s]."""
-_PART = 20e-6
-"""Work worth being fetched by a thread [s]; a thread fetches some parts of what it does."""
+_PART = 10e-6
+"""Work worth being fetched by a thread [s]; a thread fetches what it does in several parts."""
 _PARTS = 8
 _OPERATION = 0.4e-9
 """About what an operation takes, for a whole vector [s]."""
@@ -44,7 +44,6 @@ class Kernel:
     Attributes:
         name: of the program.
         format: number format, and states that a block holds.
-        alone: how many states are not worth more than one thread.
     """
 
     def __init__(self, name: str, f: Format, on: Machine, header: dict[str, Any], code: bytes):
@@ -52,10 +51,10 @@ class Kernel:
         self._block: float = header["operations"] * _OPERATION  # about how long one takes [s]
         self._tile: int = header["tile"]
         self._scratch_bytes: int = header["scratch"] * header["tile"]
-        self.alone = int(2.0 * _SHARE / max(self._block, 1e-9)) * f.lanes
         ends = list(accumulate(header["objects"], initial=0))
         self._engine = on.load([code[a:b] for a, b in pairwise(ends)])  # the code lives as long as this does
-        self._run = _RUN(self._engine.get_function_address("kernel"))
+        self._address: int = self._engine.get_function_address("kernel")
+        self._run = _RUN(self._address)
         self._scratch: list[tuple[np.ndarray, int]] = []  # memory, and where in it a line begins
 
     def address(self, name: str) -> int:
@@ -84,27 +83,35 @@ class Kernel:
         for array, state, row, rows in arrays:
             entries += (address_of(array), state, row, 0 if rows is None else address_of(rows))
         table = (ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters)
-        work, blocks = self.cost(batch) * turns, self._blocks(batch)
-        threads = min(blocks, threads or max(1, min(default_threads(), int(work / _SHARE))))
-        if threads == 1:
-            return self._part(table, 0, batch)
-        parts = min(blocks, max(threads, min(_PARTS * threads, int(work / _PART))))
-        size = -(-blocks // parts) * self.format.lanes
-
-        def part(k: int, arrays: Any = arrays) -> int:  # whoever has this has the arrays
-            return self._part(table, k * size, min(k * size + size, batch))
-
-        return shared(part, -(-batch // size), threads)
-
-    def _part(self, table: Any, begin: int, end: int) -> int:
+        threads = self.threads(batch, threads, turns)
+        if threads > 1 and (job := self.job(batch, threads, turns)) is not None:
+            try:
+                job[TABLE] = ctypes.addressof(table)
+                return crew.run(job)
+            finally:
+                crew.done()
         try:
             scratch = self._scratch.pop()
         except IndexError:
             memory = np.empty(self._scratch_bytes + 64, np.uint8)
             scratch = memory, -(-address_of(memory) // 64) * 64
-        flags = self._run(ctypes.addressof(table), scratch[1], begin, end, self._tile)
+        flags = self._run(ctypes.addressof(table), scratch[1], 0, batch, self._tile)
         self._scratch.append(scratch)
         return flags
+
+    def threads(self, batch: int, threads: int | None, turns: int = 1) -> int:
+        """How many threads to use, of so many; None is as many as are useful."""
+        if threads is None:
+            work = self.cost(batch) * turns
+            threads = 1 if work < 2.0 * _SHARE else min(default_threads(), int(work / _SHARE))
+        return max(1, min(threads, self._blocks(batch)))
+
+    def job(self, batch: int, threads: int, turns: int = 1) -> np.ndarray | None:
+        """A job for several threads; see `Crew.take`."""
+        blocks = self._blocks(batch)
+        parts = min(blocks, max(threads, min(_PARTS * threads, int(self.cost(batch) * turns / _PART))))
+        size = -(-blocks // parts) * self.format.lanes
+        return crew.take(self._address, self._scratch_bytes, batch, size, self._tile, threads)
 
     def cost(self, batch: int) -> float:
         """About how long it takes for a batch on one thread, if each of its chunks runs once [s]."""

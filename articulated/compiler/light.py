@@ -17,6 +17,7 @@ import numpy as np
 
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.program import Program
+from articulated.compiler.threads import SHARE, TABLE
 
 STACK = 256 << 10
 """Bytes of scratch that the function may take from the stack."""
@@ -30,7 +31,7 @@ _PYTHON = ctypes.pythonapi
 def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
     """`light(self, args, nargs)`, a Python function in C: takes numpy arrays, returns whether all went well.
 
-    With one lane it is for one state, and else for a batch, during which other threads of Python may run.
+    With one lane it is for one state, and else for a batch, for which a job may be given as last argument (see `Crew.take`).
     """
     text = Text(f)
     arrays = (*program.arguments, *program.results)
@@ -43,7 +44,12 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
 
     text.do(f"%table = alloca [{4 * len(arrays)} x i64]")
     text.do(f"%scratch = alloca [{scratch * tile} x i8], align 64")
-    demand("%nargs", len(arrays))
+    alone = text.let(f"icmp eq i64 %nargs, {len(arrays)}")
+    if batch:
+        demand(text.integer("sub", "%nargs", len(arrays)), 2, "ult i64")
+    else:
+        text.branch(alone, "plain", "refuse")
+        text.begin("plain")
     array_type, number_type = text.word("@context", 0), text.word("@context", 1)
     states = "1"
     for a, array in enumerate(arrays):
@@ -69,11 +75,8 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
         demand(text.integer("and", data, f.bytes - 1), 0)
         for k, x in enumerate((data, f.bytes * array.size, 0, 0)):
             text.keep(x, text.entry("%table", 4 * a + k))
-    thread = text.let(f"call ptr {text.word('@context', 4, 'ptr')}()") if batch else ""
-    flags = text.let(f"call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 {states}, i64 {tile})")
-    if batch:
-        text.do(f"call void {text.word('@context', 5, 'ptr')}(ptr {thread})")
-    demand(flags, 0)
+    call = f"call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 {states}, i64 {tile})"
+    demand(_unlocked(text, call, alone, len(arrays)) if batch else text.let(call), 0)
     accepted = text.block
     text.do("br label %return")
     text.begin("refuse")
@@ -84,6 +87,24 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
         text.keep(text.integer("add", text.word(answer), 1), answer)
     function = text.function("ptr", "light", "ptr %self, ptr %args, i64 %nargs", answer, linkage="")
     return f"@context = global [6 x i64] zeroinitializer\n{function}"
+
+
+def _unlocked(text: Text, call: str, alone: str, last: int) -> str:
+    """The flags of a batch's kernel, or of the job given as last argument; meanwhile other threads of Python may run."""
+    thread = text.let(f"call ptr {text.word('@context', 4, 'ptr')}()")
+    text.branch(alone, "alone", "share")
+    text.begin("alone")
+    own = text.let(call)
+    text.do("br label %called")
+    text.begin("share")
+    job = text.word(text.at(text.word("%args", last, "ptr"), _OBJECT), 0, "ptr")
+    text.do(f"store ptr %table, ptr {text.entry(job, TABLE)}")
+    shared = text.let(f"call i64 {text.word(job, SHARE, 'ptr')}(ptr {job})")
+    text.do("br label %called")
+    text.begin("called")
+    flags = text.let(f"phi i64 [ {own}, %alone ], [ {shared}, %share ]")
+    text.do(f"call void {text.word('@context', 5, 'ptr')}(ptr {thread})")
+    return flags
 
 
 class _Method(ctypes.Structure):

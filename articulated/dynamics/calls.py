@@ -26,6 +26,7 @@ from articulated.compiler import (
     Program,
     Tape,
     compiled,
+    crew,
     evaluate,
     interpreting,
     kernels_of,
@@ -117,24 +118,38 @@ class _Light:
     Attributes:
         shape: of the result for one state.
         one: for a state in float64.
-        many: for batches, by their type's character; with how many states are not worth more than one thread.
+        many: for batches, by their type's character, with their kernels.
     """
 
     shape: tuple[int, ...]
     one: Callable[..., bool] = lambda *_: False
-    many: dict[str, tuple[Callable[..., bool], int]] = field(default_factory=dict)
+    many: dict[str, tuple[Callable[..., bool], Kernel]] = field(default_factory=dict)
+
+    def batch(self, arguments: Sequence[Any], threads: int | None) -> np.ndarray | None:
+        """The result for a batch of states, or None."""
+        count, dtype = len(arguments[0]), arguments[0].dtype
+        if (found := self.many.get(dtype.char)) is None or interpreting():
+            return None
+        run, kernel = found
+        result = np.empty((count, *self.shape), dtype)
+        threads = kernel.threads(count, threads)
+        job = kernel.job(count, threads) if threads > 1 else None
+        if job is None:
+            return result if run(*arguments, result) else None
+        try:
+            return result if run(*arguments, result, job) else None
+        finally:
+            crew.done()
 
 
 P = ParamSpec("P")
 _lights: dict[str, dict[int, _Light]] = {}
-_ALONE = {"threads": 1}
 
 
 def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
     """Let a public function answer at once for plain states, if a kernel for them is there already.
 
-    What is unusual in any way (options, keywords, other types or shapes, numbers that are not finite) goes the usual way, and
-    so does what is worth several threads.
+    What is unusual in any way (options, keywords, other types or shapes, numbers that are not finite) goes the usual way.
     """
     known = _lights.setdefault(function.__name__, {})
     empty, ndarray = np.empty, np.ndarray
@@ -142,22 +157,24 @@ def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
     @wraps(function)
     def entry(*arguments: Any, **options: Any) -> np.ndarray:
         light = None
-        if len(arguments) > 1 and (not options or options == _ALONE):
+        if len(arguments) > 1:
             light, first = known.get(id(arguments[0])), arguments[1]
         if light is not None and type(first) is ndarray:
-            if first.ndim == 1:
+            if first.ndim == 1 and not options:
                 result = empty(light.shape)
                 if light.one(*arguments[1:], result):
                     return result
-            elif first.ndim == 2 and (found := light.many.get(first.dtype.char)) is not None and not interpreting():
-                run, alone = found
-                if options or len(first) <= alone:
-                    result = empty((len(first), *light.shape), first.dtype)
-                    if run(*arguments[1:], result):
-                        return result
+            elif first.ndim == 2 and (not options or (len(options) == 1 and _is_count(options.get("threads")))):
+                result = light.batch(arguments[1:], options.get("threads"))
+                if result is not None:
+                    return result
         return function(*arguments, **options)  # type: ignore[call-arg]
 
     return entry  # type: ignore[return-value]
+
+
+def _is_count(x: Any) -> bool:
+    return type(x) is int and x > 0
 
 
 def _offer_light_path(request: _Request, kernel: Kernel) -> None:
@@ -170,7 +187,7 @@ def _offer_light_path(request: _Request, kernel: Kernel) -> None:
         light = known[id(request.rig)] = _Light(request.shape)
         weakref.finalize(request.rig, known.pop, id(request.rig), None).atexit = False
     if kernel.format.lanes > 1:
-        light.many["f" if kernel.format.single else "d"] = run, kernel.alone
+        light.many["f" if kernel.format.single else "d"] = run, kernel
     elif not kernel.format.single:
         light.one = run
 
