@@ -6,7 +6,8 @@ import os
 import platform
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 
 
@@ -41,6 +42,16 @@ def turns(contenders: dict[str, Callable[[], float]], count: int = 11) -> dict[s
 def timed(run: Callable[[], object], least: float = 0.03) -> Callable[[], float]:
     """A contender made of a function to call."""
     return lambda: seconds(run, least)
+
+
+def at_once(runs: Sequence[Callable[[], object]], least: float = 0.03) -> Callable[[], float]:
+    """A contender made of functions that are called again and again at the same time, each in a thread of its own."""
+
+    def measure() -> float:
+        with ThreadPoolExecutor(len(runs)) as pool:
+            return statistics.mean(pool.map(lambda run: seconds(run, least), runs))
+
+    return measure
 
 
 def ratio(taken: dict[str, list[float]], slow: str, fast: str) -> float:

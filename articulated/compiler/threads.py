@@ -3,6 +3,9 @@
 A batch is cut into more parts than there are threads, and whoever is free takes the next: so one that wakes up late, or is held
 up, takes fewer. The one who asks takes part, and waits for the last part to be done.
 
+A thread without a job looks out for the next one for a while (`_ALERT`) before it goes to sleep on a lock: waking it takes some
+50 µs, and then it may find itself on the processor of the one who woke it.
+
 A job is an array of integers that the threads have in common (`_WORDS`). Nobody writes a new one while a thread is inside; and
 as long as none is open, `next` is so large that a thread which wakes up late finds nothing to do.
 """
@@ -20,11 +23,13 @@ import numpy as np
 _WORDS = (
     *("next", "finished", "inside", "flags"),  # changed by all
     *("kernel", "table", "scratch", "scratch_bytes", "end", "size", "parts", "tile", "helpers"),  # what is to be done
-    *("share", "locks", "acquire", "release", "nap", "pause"),  # the crew's own
+    *("share", "locks", "asleep", "acquire", "release", "nap", "never"),  # the crew's own
 )
 _PLACE = {name: place for place, name in enumerate(_WORDS)}
 SHARE, TABLE = _PLACE["share"], _PLACE["table"]
 _CLOSED = 1 << 62
+_ALERT = 5000
+"""How often a thread without a job looks for one before it goes to sleep: for some 100 µs."""
 
 _PYTHON = ctypes.pythonapi
 _PYTHON.PyThread_allocate_lock.restype = ctypes.c_void_p
@@ -73,8 +78,9 @@ class Crew:
         try:
             helpers = self._enlisted(min(threads - 1, self._most))
             each = -(-scratch_bytes // 64) * 64
-            if self._scratch.size < (helpers + 2) * each:
-                self._scratch = np.empty((helpers + 2) * each, np.uint8)
+            room = (len(self._threads) + 2) * each  # for all: one that was called for an earlier job may just be coming
+            if self._scratch.size < room:
+                self._scratch = np.empty(room, np.uint8)
             scratch = -(-self._scratch.ctypes.data // 64) * 64
             while words[_PLACE["inside"]]:  # one is just leaving
                 pass
@@ -98,8 +104,9 @@ class Crew:
         if not words[SHARE]:
             functions = (_PYTHON.PyThread_acquire_lock, _PYTHON.PyThread_release_lock, _PYTHON.PyThread_acquire_lock_timed)
             acquire, release, nap = (ctypes.cast(function, ctypes.c_void_p).value for function in functions)
-            self._locks = (ctypes.c_void_p * max(1, self._most))()
-            words[13:19] = code.share_address, ctypes.addressof(self._locks), acquire, release, nap, _held_lock()
+            self._locks, self._asleep = ((ctypes.c_int64 * max(1, self._most))() for _ in range(2))
+            arrays = ctypes.addressof(self._locks), ctypes.addressof(self._asleep)
+            words[13:20] = code.share_address, *arrays, acquire, release, nap, _held_lock()
         for number in range(len(self._threads), wanted):
             self._locks[number] = lock = _held_lock()
             arguments = ctypes.addressof(words), lock, number + 1
@@ -131,10 +138,11 @@ class _Code:
     def __init__(self):
         from articulated.compiler.machine import machine
 
-        text = _TEXT
+        on = machine()
+        rest = "@llvm.aarch64.hint(i32 1)" if on.name == "neon" else "@llvm.x86.sse2.pause()"
+        text = _TEXT.replace("@rest@", f"call void {rest}") + f"declare void {rest.replace(' 1', '')}\n"
         for name, place in _PLACE.items():
             text = text.replace(f"@{name}@", f"getelementptr i64, ptr %job, i64 {place}")
-        on = machine()
         self._engine = on.load([on.object_code(text)])
         self.share_address: int = self._engine.get_function_address("share")
         self.share = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.share_address)
@@ -184,19 +192,57 @@ leave:
   ret void
 }}
 
+; whether there is something to do for a helper
+define internal i1 @wanted(ptr %job, i64 %number) {{
+start:
+  %next = @next@
+  %at_parts = @parts@
+  %at_helpers = @helpers@
+  %part = load atomic i64, ptr %next seq_cst, align 8
+  %parts = load atomic i64, ptr %at_parts seq_cst, align 8
+  %helpers = load atomic i64, ptr %at_helpers seq_cst, align 8
+  %some = icmp slt i64 %part, %parts
+  %called = icmp sle i64 %number, %helpers
+  %both = and i1 %some, %called
+  ret i1 %both
+}}
+
 ; what a helper does all its life
 define void @serve(ptr %job, ptr %lock, i64 %number) {{
 start:
   %inside = @inside@
   %at_acquire = @acquire@
-  br label %wait
+  %at_sleepers = @asleep@
+  %sleepers = load ptr, ptr %at_sleepers
+  %k = sub i64 %number, 1
+  %asleep = getelementptr i64, ptr %sleepers, i64 %k
+  br label %look
+look:
+  %looks = phi i64 [ 0, %start ], [ 0, %enter ], [ %looks.next, %look.on ]
+  %open = call i1 @wanted(ptr %job, i64 %number)
+  br i1 %open, label %enter, label %look.on
+look.on:
+  @rest@
+  %looks.next = add i64 %looks, 1
+  %alert = icmp slt i64 %looks, {_ALERT}
+  br i1 %alert, label %look, label %sleep
+sleep:
+  store atomic i64 1, ptr %asleep seq_cst, align 8
+  %late = call i1 @wanted(ptr %job, i64 %number)
+  br i1 %late, label %stay, label %wait
+stay:
+  %was = atomicrmw xchg ptr %asleep, i64 0 seq_cst
+  %alone = icmp eq i64 %was, 1
+  br i1 %alone, label %enter, label %wait
 wait:
   %acquire = load ptr, ptr %at_acquire
   %acquired = call i32 %acquire(ptr %lock, i32 1)
+  br label %enter
+enter:
   %entering = atomicrmw add ptr %inside, i64 1 seq_cst
   call void @work(ptr %job, i64 %number)
   %leaving = atomicrmw sub ptr %inside, i64 1 seq_cst
-  br label %wait
+  br label %look
 }}
 
 ; do a job with the others
@@ -212,17 +258,26 @@ start:
   %release = load ptr, ptr %at_release
   %at_locks = @locks@
   %locks = load ptr, ptr %at_locks
+  %at_sleepers = @asleep@
+  %sleepers = load ptr, ptr %at_sleepers
   %at_helpers = @helpers@
   %helpers = load i64, ptr %at_helpers
   br label %wake
 wake:
-  %k = phi i64 [ 0, %start ], [ %k.next, %one ]
+  %k = phi i64 [ 0, %start ], [ %k.next, %awake ]
   %more = icmp slt i64 %k, %helpers
   br i1 %more, label %one, label %help
 one:
+  %asleep = getelementptr i64, ptr %sleepers, i64 %k
+  %was = atomicrmw xchg ptr %asleep, i64 0 seq_cst
+  %sleeps = icmp eq i64 %was, 1
+  br i1 %sleeps, label %rouse, label %awake
+rouse:
   %at_lock = getelementptr i64, ptr %locks, i64 %k
   %lock = load ptr, ptr %at_lock
   call void %release(ptr %lock)
+  br label %awake
+awake:
   %k.next = add i64 %k, 1
   br label %wake
 help:
@@ -236,14 +291,15 @@ wait:
   %done = icmp eq i64 %count, %parts
   br i1 %done, label %close, label %wait.on
 wait.on:
+  @rest@
   %spins.next = add i64 %spins, 1
-  %patient = icmp slt i64 %spins, 20000
+  %patient = icmp slt i64 %spins, {_ALERT}
   br i1 %patient, label %wait, label %sleep
 sleep:
   %at_nap = @nap@
   %nap = load ptr, ptr %at_nap
-  %at_pause = @pause@
-  %never = load ptr, ptr %at_pause
+  %at_never = @never@
+  %never = load ptr, ptr %at_never
   %waited = call i32 %nap(ptr %never, i64 50, i32 0)
   br label %wait
 close:
