@@ -193,15 +193,24 @@ def single(native: bool) -> None:
     """One state from Python: `forward_dynamics(rig, q, v, tau)` against `pin.aba` and `mujoco.mj_forward`.
 
     Of our time, "code" is the machine code for one state, as it takes for 1000 states one after the other; "arrays" adds what it
-    takes to call it from Python for one state and to look at the arrays, the result's memory being there already.
+    takes to call it from Python for one state and to look at the arrays, the result's memory being there already. The last column
+    is a call for a batch of eight states.
     """
-    print(
-        "\nMicroseconds a call:\n\n| rig | code | arrays | articulated | `pin.aba` | ours over theirs | `mj_forward` | ours over theirs |"
+    heads = (
+        "rig",
+        "code",
+        "arrays",
+        "articulated",
+        "`pin.aba`",
+        "ours over theirs",
+        "`mj_forward`",
+        "ours over theirs",
+        "eight states",
     )
-    print("|---|---|---|---|---|---|---|---|")
+    print(f"\nMicroseconds a call:\n\n| {' | '.join(heads)} |\n|{'---|' * len(heads)}")
     for name in ROBOTS:
         rig = robot(name)
-        many = states(rig, 1000)
+        many, eight = states(rig, 1000), states(rig, 8)
         one = [x[0].copy() for x in many]
         result, results = art.forward_dynamics(rig, *one), np.empty((1000, rig.nv))
         kernel = compiled(programs(rig)["forward_dynamics"], single=False, lanes=1)
@@ -212,6 +221,7 @@ def single(native: bool) -> None:
             "code": timed(lambda: kernel(table, 1000, threads=1)),
             "arrays": timed(lambda: light(*one, result)),
             "ours": timed(lambda: art.forward_dynamics(rig, *one)),
+            "eight": timed(lambda: art.forward_dynamics(rig, *eight)),
             "aba": Pinocchio(rig, *many).single(),
             "mujoco": mujoco_forward(rig, *one),
         }
@@ -219,7 +229,7 @@ def single(native: bool) -> None:
         us = {who: median(taken, who) * 1e6 for who in contenders}
         us["code"] /= 1000
         cells = " | ".join(f"{us[who]:.2f}" for who in ("code", "arrays", "ours", "aba"))
-        cells += f" | {ratio(taken, 'ours', 'aba'):.2f} | {us['mujoco']:.2f} | {ratio(taken, 'ours', 'mujoco'):.2f}"
+        cells += f" | {ratio(taken, 'ours', 'aba'):.2f} | {us['mujoco']:.2f} | {ratio(taken, 'ours', 'mujoco'):.2f} | {us['eight']:.2f}"
         print(f"| {name} | {cells} |", flush=True)
 
 

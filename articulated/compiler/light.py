@@ -31,7 +31,7 @@ _PYTHON = ctypes.pythonapi
 def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
     """`light(self, args, nargs)`, a Python function in C: takes numpy arrays, returns whether all went well.
 
-    With one lane it is for one state, and else for a batch, for which a job may be given as last argument (see `Crew.take`).
+    With one lane it is for one state, and else for a batch, with a job (see `Crew.take`) or None as last argument.
     """
     text = Text(f)
     arrays = (*program.arguments, *program.results)
@@ -44,12 +44,7 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
 
     text.do(f"%table = alloca [{4 * len(arrays)} x i64]")
     text.do(f"%scratch = alloca [{scratch * tile} x i8], align 64")
-    alone = text.let(f"icmp eq i64 %nargs, {len(arrays)}")
-    if batch:
-        demand(text.integer("sub", "%nargs", len(arrays)), 2, "ult i64")
-    else:
-        text.branch(alone, "plain", "refuse")
-        text.begin("plain")
+    demand("%nargs", len(arrays) + batch)
     array_type, number_type = text.word("@context", 0), text.word("@context", 1)
     states = "1"
     for a, array in enumerate(arrays):
@@ -76,7 +71,7 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
         for k, x in enumerate((data, f.bytes * array.size, 0, 0)):
             text.keep(x, text.entry("%table", 4 * a + k))
     call = f"call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 {states}, i64 {tile})"
-    demand(_unlocked(text, call, alone, len(arrays)) if batch else text.let(call), 0)
+    demand(_unlocked(text, call, text.word("%args", len(arrays))) if batch else text.let(call), 0)
     accepted = text.block
     text.do("br label %return")
     text.begin("refuse")
@@ -86,18 +81,19 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
     if sys.version_info < (3, 12):  # later, True and False count no references
         text.keep(text.integer("add", text.word(answer), 1), answer)
     function = text.function("ptr", "light", "ptr %self, ptr %args, i64 %nargs", answer, linkage="")
-    return f"@context = global [6 x i64] zeroinitializer\n{function}"
+    return f"@context = global [7 x i64] zeroinitializer\n{function}"
 
 
-def _unlocked(text: Text, call: str, alone: str, last: int) -> str:
-    """The flags of a batch's kernel, or of the job given as last argument; meanwhile other threads of Python may run."""
+def _unlocked(text: Text, call: str, job: str) -> str:
+    """The flags of a batch's kernel, or of a job, if one is given; meanwhile other threads of Python may run."""
+    alone = text.let(f"icmp eq i64 {job}, {text.word('@context', 6)}")
     thread = text.let(f"call ptr {text.word('@context', 4, 'ptr')}()")
     text.branch(alone, "alone", "share")
     text.begin("alone")
     own = text.let(call)
     text.do("br label %called")
     text.begin("share")
-    job = text.word(text.at(text.word("%args", last, "ptr"), _OBJECT), 0, "ptr")
+    job = text.word(text.at(text.let(f"inttoptr i64 {job} to ptr"), _OBJECT), 0, "ptr")
     text.do(f"store ptr %table, ptr {text.entry(job, TABLE)}")
     shared = text.let(f"call i64 {text.word(job, SHARE, 'ptr')}(ptr {job})")
     text.do("br label %called")
@@ -125,8 +121,8 @@ def light_function(kernel: Any) -> Callable[..., bool] | None:
         return None
     number = np.dtype(np.float32 if kernel.format.single else np.float64)
     others = (ctypes.cast(x, ctypes.c_void_p).value for x in (_PYTHON.PyEval_SaveThread, _PYTHON.PyEval_RestoreThread))
-    context = (_WORD * 6).from_address(kernel.address("context"))
-    context[:] = [id(np.ndarray), id(number), id(True), id(False), *others]
+    context = (_WORD * 7).from_address(kernel.address("context"))
+    context[:] = [id(np.ndarray), id(number), id(True), id(False), *others, id(None)]
     method = _Method(kernel.name.encode(), address, _FASTCALL, None)
     owner = (kernel, method)  # the function keeps alive what it is made of
     make = _PYTHON.PyCFunction_NewEx

@@ -15,10 +15,13 @@ from __future__ import annotations
 import ctypes
 import os
 import threading
-from functools import cache, cached_property
+import time
+from functools import cache, cached_property, partial
 from typing import Any
 
 import numpy as np
+
+from articulated.compiler.ir import ATTRIBUTES, Format, Text
 
 _WORDS = (
     *("next", "finished", "inside", "flags"),  # changed by all
@@ -55,7 +58,8 @@ class Crew:
     """Threads that wait for jobs, as many as were ever wanted."""
 
     def __init__(self, most: int | None = None):
-        self._busy = threading.Lock()
+        self._free = [None]  # taken away while there is a job
+        self.done = partial(self._free.append, None)
         self._most = (most or os.cpu_count() or 1) - 1
         self._threads: list[threading.Thread] = []
         self._words = (ctypes.c_int64 * len(_WORDS))(_CLOSED)
@@ -63,7 +67,7 @@ class Crew:
         self._scratch = np.empty(0, np.uint8)
 
     def take(self, kernel: int, scratch_bytes: int, batch: int, size: int, tile: int, threads: int) -> np.ndarray | None:
-        """A job for so many threads, to be `run` and in any case to be `done` with; None if the crew has one already.
+        """A job for so many threads, to be `run`, and in any case to be `done()` with; None if the crew has one already.
 
         Args:
             kernel: address of a kernel's function; the job still wants its `TABLE`.
@@ -72,10 +76,12 @@ class Crew:
             tile: see `lowering`.
             threads: how many, this one among them.
         """
-        if not self._busy.acquire(blocking=False):
-            return None
-        words = self._words
         try:
+            del self._free[0]
+        except IndexError:
+            return None
+        try:
+            words = self._words
             helpers = self._enlisted(min(threads - 1, self._most))
             each = -(-scratch_bytes // 64) * 64
             room = (len(self._threads) + 2) * each  # for all: one that was called for an earlier job may just be coming
@@ -83,10 +89,10 @@ class Crew:
                 self._scratch = np.empty(room, np.uint8)
             scratch = -(-self._scratch.ctypes.data // 64) * 64
             while words[_PLACE["inside"]]:  # one is just leaving
-                pass
+                time.sleep(20e-6)
             words[4:13] = kernel, 0, scratch, each, batch, size, -(-batch // size), tile, helpers
         except BaseException:
-            self._busy.release()
+            self.done()
             raise
         return self._job
 
@@ -94,25 +100,27 @@ class Crew:
         """Do a job; what the kernel's calls returned, bits together."""
         return self._code.share(job.ctypes.data)
 
-    def done(self) -> None:
-        """Nothing more is wanted of the job."""
-        self._busy.release()
-
     def _enlisted(self, wanted: int) -> int:
-        """See that so many threads wait for jobs."""
-        words, code = self._words, self._code
+        """See that so many threads wait for jobs; how many do."""
+        words = self._words
         if not words[SHARE]:
             functions = (_PYTHON.PyThread_acquire_lock, _PYTHON.PyThread_release_lock, _PYTHON.PyThread_acquire_lock_timed)
             acquire, release, nap = (ctypes.cast(function, ctypes.c_void_p).value for function in functions)
             self._locks, self._asleep = ((ctypes.c_int64 * max(1, self._most))() for _ in range(2))
             arrays = ctypes.addressof(self._locks), ctypes.addressof(self._asleep)
-            words[13:20] = code.share_address, *arrays, acquire, release, nap, _held_lock()
+            words[13:20] = self._code.share_address, *arrays, acquire, release, nap, _held_lock()
         for number in range(len(self._threads), wanted):
-            self._locks[number] = lock = _held_lock()
-            arguments = ctypes.addressof(words), lock, number + 1
-            self._threads.append(threading.Thread(target=code.serve, args=arguments, name=f"articulated-{number}", daemon=True))
-            self._threads[-1].start()
+            self._locks[number] = _held_lock()
+            self._threads.append(threading.Thread(target=self._serve, args=[number], name=f"articulated-{number}", daemon=True))
+            try:
+                self._threads[-1].start()
+            except RuntimeError:  # no more threads, or Python is about to end
+                del self._threads[-1]
+                return number
         return wanted
+
+    def _serve(self, number: int) -> None:
+        self._code.serve(ctypes.addressof(self._words), self._locks[number], number + 1)
 
     @cached_property
     def _code(self) -> _Code:
@@ -133,180 +141,127 @@ if hasattr(os, "register_at_fork"):
 
 
 class _Code:
-    """What the threads run."""
+    """What the threads run: `share(job)`, which does a job with the others, and `serve(job, lock, number)`, a helper's life."""
 
     def __init__(self):
         from articulated.compiler.machine import machine
 
         on = machine()
         rest = "@llvm.aarch64.hint(i32 1)" if on.name == "neon" else "@llvm.x86.sse2.pause()"
-        text = _TEXT.replace("@rest@", f"call void {rest}") + f"declare void {rest.replace(' 1', '')}\n"
-        for name, place in _PLACE.items():
-            text = text.replace(f"@{name}@", f"getelementptr i64, ptr %job, i64 {place}")
-        self._engine = on.load([on.object_code(text)])
+        functions = _work(), _wanted(), _serve(f"call void {rest}"), _share(f"call void {rest}")
+        declared = f"declare void {rest.replace(' 1', '')}", "declare i64 @llvm.smin.i64(i64, i64)"
+        self._engine = on.load([on.object_code("\n".join([*functions, *declared, f"attributes #0 = {{ {ATTRIBUTES} }}"]))])
         self.share_address: int = self._engine.get_function_address("share")
         self.share = ctypes.CFUNCTYPE(ctypes.c_int64, ctypes.c_void_p)(self.share_address)
         serve: Any = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
         self.serve = serve(self._engine.get_function_address("serve"))
 
 
-_TEXT = f"""
-; take parts until there are none
-define internal void @work(ptr %job, i64 %number) {{
-start:
-  %next = @next@
-  %at_parts = @parts@
-  br label %claim
-claim:
-  %part = atomicrmw add ptr %next, i64 1 seq_cst
-  %parts = load i64, ptr %at_parts
-  %some = icmp slt i64 %part, %parts
-  br i1 %some, label %do, label %leave
-do:
-  %at_size = @size@
-  %size = load i64, ptr %at_size
-  %begin = mul i64 %part, %size
-  %ahead = add i64 %begin, %size
-  %at_end = @end@
-  %last = load i64, ptr %at_end
-  %end = call i64 @llvm.smin.i64(i64 %ahead, i64 %last)
-  %at_scratch = @scratch@
-  %scratch = load ptr, ptr %at_scratch
-  %at_bytes = @scratch_bytes@
-  %bytes = load i64, ptr %at_bytes
-  %offset = mul i64 %bytes, %number
-  %own = getelementptr i8, ptr %scratch, i64 %offset
-  %at_table = @table@
-  %table = load ptr, ptr %at_table
-  %at_tile = @tile@
-  %tile = load i64, ptr %at_tile
-  %at_kernel = @kernel@
-  %kernel = load ptr, ptr %at_kernel
-  %raised = call i64 %kernel(ptr %table, ptr %own, i64 %begin, i64 %end, i64 %tile)
-  %flags = @flags@
-  %before = atomicrmw or ptr %flags, i64 %raised seq_cst
-  %finished = @finished@
-  %count = atomicrmw add ptr %finished, i64 1 seq_cst
-  br label %claim
-leave:
-  ret void
-}}
+class _Text(Text):
+    """A function of a job."""
 
-; whether there is something to do for a helper
-define internal i1 @wanted(ptr %job, i64 %number) {{
-start:
-  %next = @next@
-  %at_parts = @parts@
-  %at_helpers = @helpers@
-  %part = load atomic i64, ptr %next seq_cst, align 8
-  %parts = load atomic i64, ptr %at_parts seq_cst, align 8
-  %helpers = load atomic i64, ptr %at_helpers seq_cst, align 8
-  %some = icmp slt i64 %part, %parts
-  %called = icmp sle i64 %number, %helpers
-  %both = and i1 %some, %called
-  ret i1 %both
-}}
+    def __init__(self):
+        super().__init__(Format(1, single=False))
 
-; what a helper does all its life
-define void @serve(ptr %job, ptr %lock, i64 %number) {{
-start:
-  %inside = @inside@
-  %at_acquire = @acquire@
-  %at_sleepers = @asleep@
-  %sleepers = load ptr, ptr %at_sleepers
-  %k = sub i64 %number, 1
-  %asleep = getelementptr i64, ptr %sleepers, i64 %k
-  br label %look
-look:
-  %looks = phi i64 [ 0, %start ], [ 0, %enter ], [ %looks.next, %look.on ]
-  %open = call i1 @wanted(ptr %job, i64 %number)
-  br i1 %open, label %enter, label %look.on
-look.on:
-  @rest@
-  %looks.next = add i64 %looks, 1
-  %alert = icmp slt i64 %looks, {_ALERT}
-  br i1 %alert, label %look, label %sleep
-sleep:
-  store atomic i64 1, ptr %asleep seq_cst, align 8
-  %late = call i1 @wanted(ptr %job, i64 %number)
-  br i1 %late, label %stay, label %wait
-stay:
-  %was = atomicrmw xchg ptr %asleep, i64 0 seq_cst
-  %alone = icmp eq i64 %was, 1
-  br i1 %alone, label %enter, label %wait
-wait:
-  %acquire = load ptr, ptr %at_acquire
-  %acquired = call i32 %acquire(ptr %lock, i32 1)
-  br label %enter
-enter:
-  %entering = atomicrmw add ptr %inside, i64 1 seq_cst
-  call void @work(ptr %job, i64 %number)
-  %leaving = atomicrmw sub ptr %inside, i64 1 seq_cst
-  br label %look
-}}
+    def at_word(self, name: str) -> str:
+        return self.entry("%job", _PLACE[name])
 
-; do a job with the others
-define i64 @share(ptr %job) {{
-start:
-  %flags = @flags@
-  %finished = @finished@
-  %next = @next@
-  store i64 0, ptr %flags
-  store i64 0, ptr %finished
-  store atomic i64 0, ptr %next seq_cst, align 8
-  %at_release = @release@
-  %release = load ptr, ptr %at_release
-  %at_locks = @locks@
-  %locks = load ptr, ptr %at_locks
-  %at_sleepers = @asleep@
-  %sleepers = load ptr, ptr %at_sleepers
-  %at_helpers = @helpers@
-  %helpers = load i64, ptr %at_helpers
-  br label %wake
-wake:
-  %k = phi i64 [ 0, %start ], [ %k.next, %awake ]
-  %more = icmp slt i64 %k, %helpers
-  br i1 %more, label %one, label %help
-one:
-  %asleep = getelementptr i64, ptr %sleepers, i64 %k
-  %was = atomicrmw xchg ptr %asleep, i64 0 seq_cst
-  %sleeps = icmp eq i64 %was, 1
-  br i1 %sleeps, label %rouse, label %awake
-rouse:
-  %at_lock = getelementptr i64, ptr %locks, i64 %k
-  %lock = load ptr, ptr %at_lock
-  call void %release(ptr %lock)
-  br label %awake
-awake:
-  %k.next = add i64 %k, 1
-  br label %wake
-help:
-  call void @work(ptr %job, i64 0)
-  %at_parts = @parts@
-  %parts = load i64, ptr %at_parts
-  br label %wait
-wait:
-  %spins = phi i64 [ 0, %help ], [ %spins.next, %wait.on ], [ 0, %sleep ]
-  %count = load atomic i64, ptr %finished seq_cst, align 8
-  %done = icmp eq i64 %count, %parts
-  br i1 %done, label %close, label %wait.on
-wait.on:
-  @rest@
-  %spins.next = add i64 %spins, 1
-  %patient = icmp slt i64 %spins, {_ALERT}
-  br i1 %patient, label %wait, label %sleep
-sleep:
-  %at_nap = @nap@
-  %nap = load ptr, ptr %at_nap
-  %at_never = @never@
-  %never = load ptr, ptr %at_never
-  %waited = call i32 %nap(ptr %never, i64 50, i32 0)
-  br label %wait
-close:
-  store atomic i64 {_CLOSED}, ptr %next seq_cst, align 8
-  %result = load i64, ptr %flags
-  ret i64 %result
-}}
+    def get(self, name: str, kind: str = "i64") -> str:
+        return self.let(f"load {kind}, ptr {self.at_word(name)}")
 
-declare i64 @llvm.smin.i64(i64, i64)
-"""
+    def now(self, name: str) -> str:
+        """A word that others may be changing."""
+        return self.let(f"load atomic i64, ptr {self.at_word(name)} seq_cst, align 8")
+
+    def count(self, operation: str, name: str, by: int | str) -> str:
+        """Change a word at once; what it was."""
+        return self.let(f"atomicrmw {operation} ptr {self.at_word(name)}, i64 {by} seq_cst")
+
+    def publish(self, name: str, x: int) -> None:
+        self.do(f"store atomic i64 {x}, ptr {self.at_word(name)} seq_cst, align 8")
+
+    def go(self, label: str) -> None:
+        self.do(f"br label %{label}")
+
+
+def _work() -> str:
+    """Take parts until there are none."""
+    text = _Text()
+    text.go("claim")
+    text.begin("claim")
+    part = text.count("add", "next", 1)
+    text.branch(text.let(f"icmp slt i64 {part}, {text.get('parts')}"), "do", "leave")
+    text.begin("do")
+    size = text.get("size")
+    begin = text.integer("mul", part, size)
+    end = text.integer("smin", text.integer("add", begin, size), text.get("end"))
+    scratch = text.at(text.get("scratch", "ptr"), text.integer("mul", text.get("scratch_bytes"), "%number"))
+    given = f"ptr {text.get('table', 'ptr')}, ptr {scratch}, i64 {begin}, i64 {end}, i64 {text.get('tile')}"
+    text.count("or", "flags", text.let(f"call i64 {text.get('kernel', 'ptr')}({given})"))
+    text.count("add", "finished", 1)
+    text.go("claim")
+    text.begin("leave")
+    return text.function("void", "work", "ptr %job, i64 %number")
+
+
+def _wanted() -> str:
+    """Whether there is something to do for a helper."""
+    text = _Text()
+    some = text.let(f"icmp slt i64 {text.now('next')}, {text.now('parts')}")
+    called = text.let(f"icmp sle i64 %number, {text.now('helpers')}")
+    return text.function("i1", "wanted", "ptr %job, i64 %number", text.let(f"and i1 {some}, {called}"))
+
+
+def _serve(rest: str) -> str:
+    """Look out for a job, or sleep until woken; work; and so on."""
+    text = _Text()
+    asleep = text.entry(text.get("asleep", "ptr"), text.integer("sub", "%number", 1))
+    text.go("again")
+    text.begin("again")
+    with text.loop(_ALERT):
+        text.branch(text.let("call i1 @wanted(ptr %job, i64 %number)"), "enter", "rest")
+        text.begin("rest")
+        text.do(rest)
+    text.do(f"store atomic i64 1, ptr {asleep} seq_cst, align 8")
+    text.branch(text.let("call i1 @wanted(ptr %job, i64 %number)"), "stay", "sleep")
+    text.begin("stay")  # unless somebody is waking it already
+    text.branch(text.let(f"icmp eq i64 {text.let(f'atomicrmw xchg ptr {asleep}, i64 0 seq_cst')}, 1"), "enter", "sleep")
+    text.begin("sleep")
+    text.let(f"call i32 {text.get('acquire', 'ptr')}(ptr %lock, i32 1)")
+    text.go("enter")
+    text.begin("enter")
+    text.count("add", "inside", 1)
+    text.do("call void @work(ptr %job, i64 %number)")
+    text.count("sub", "inside", 1)
+    text.go("again")
+    text.begin("never")
+    return text.function("void", "serve", "ptr %job, ptr %lock, i64 %number", linkage="")
+
+
+def _share(rest: str) -> str:
+    """Open the job, wake who sleeps, work, wait for the last part, and close it."""
+    text = _Text()
+    text.publish("flags", 0)
+    text.publish("finished", 0)
+    text.publish("next", 0)
+    locks, asleep = text.get("locks", "ptr"), text.get("asleep", "ptr")
+    with text.loop(text.get("helpers")) as turn:
+        was = text.let(f"atomicrmw xchg ptr {text.entry(asleep, turn.k)}, i64 0 seq_cst")
+        text.branch(text.let(f"icmp eq i64 {was}, 1"), "rouse", "awake")
+        text.begin("rouse")
+        text.do(f"call void {text.get('release', 'ptr')}(ptr {text.word(locks, turn.k, 'ptr')})")
+        text.go("awake")
+        text.begin("awake")
+    text.do("call void @work(ptr %job, i64 0)")
+    parts = text.get("parts")
+    text.go("wait")
+    text.begin("wait")
+    with text.loop(_ALERT):
+        text.branch(text.let(f"icmp eq i64 {text.now('finished')}, {parts}"), "close", "rest")
+        text.begin("rest")
+        text.do(rest)
+    text.let(f"call i32 {text.get('nap', 'ptr')}(ptr {text.get('never', 'ptr')}, i64 50, i32 0)")
+    text.go("wait")
+    text.begin("close")
+    text.publish("next", _CLOSED)
+    return text.function("i64", "share", "ptr %job", text.get("flags"), linkage="")

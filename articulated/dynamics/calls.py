@@ -134,12 +134,11 @@ class _Light:
         result = np.empty((count, *self.shape), dtype)
         threads = kernel.threads(count, threads)
         job = kernel.job(count, threads) if threads > 1 else None
-        if job is None:
-            return result if run(*arguments, result) else None
         try:
             return result if run(*arguments, result, job) else None
         finally:
-            crew.done()
+            if job is not None:
+                crew.done()
 
 
 P = ParamSpec("P")

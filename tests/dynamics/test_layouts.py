@@ -173,10 +173,25 @@ def test_every_function_has_its_light_path(rng):
             expected = getattr(art, name)(rig, *states)
             result = np.zeros_like(expected)
             run, _ = light.many[result.dtype.char]
-            assert run(*states, result)
+            assert run(*states, result, None)
             assert result.tobytes() == expected.tobytes()
             for unusual in (result[:2], result[..., None], result.astype("g")):
-                assert not run(*states, unusual)
+                assert not run(*states, unusual, None)
+            assert not run(*states, result)
+            assert not run(*states[1:], result, None)
+
+
+def test_more_arguments_go_the_usual_way(rng):
+    """What a light path gets beside its arrays is none of a user's arguments."""
+    rig = art.load("cartpole")
+    q = rig.random(rng, 3)
+    up = np.array([0.0, 0.0, 1.6])
+    for _ in range(2):
+        assert np.array_equal(art.potential_energy(rig, q, -up), -art.potential_energy(rig, q, up))
+        assert art.potential_energy(rig, q).shape == (3,)
+        with pytest.raises(TypeError):
+            art.mass_matrix(rig, q, np.zeros((3, 2, 2)))
+        assert art.mass_matrix(rig, q).shape == (3, 2, 2)
 
 
 def test_rigs_come_and_go(rng):
