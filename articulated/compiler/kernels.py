@@ -33,7 +33,7 @@ _SHARE = 100e-6
 """Work worth giving to one more thread [s]."""
 _PART = 10e-6
 """Work worth being fetched by a thread [s]; a thread fetches what it does in several parts."""
-_PARTS = 8
+_PARTS = 32
 _OPERATION = 0.4e-9
 """About what an operation takes, for a whole vector [s]."""
 
@@ -110,7 +110,8 @@ class Kernel:
         """A job for several threads; see `Crew.take`."""
         blocks = self._blocks(batch)
         parts = min(blocks, max(threads, min(_PARTS * threads, int(self.cost(batch) * turns / _PART))))
-        size = -(-blocks // parts) * self.format.lanes
+        together = self._tile if parts * self._tile < blocks else 1
+        size = -(-blocks // (parts * together)) * together * self.format.lanes
         return crew.take(self._address, self._scratch_bytes, batch, size, self._tile, threads)
 
     def cost(self, batch: int) -> float:

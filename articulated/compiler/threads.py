@@ -64,7 +64,7 @@ class Crew:
         self._threads: list[threading.Thread] = []
         self._words = (ctypes.c_int64 * len(_WORDS))(_CLOSED)
         self._job = np.ctypeslib.as_array(self._words)
-        self._scratch = np.empty(0, np.uint8)
+        self._scratch, self._line = np.empty(0, np.uint8), 0  # memory, and where in it a line begins
 
     def take(self, kernel: int, scratch_bytes: int, batch: int, size: int, tile: int, threads: int) -> np.ndarray | None:
         """A job for so many threads, to be `run`, and in any case to be `done()` with; None if the crew has one already.
@@ -87,10 +87,10 @@ class Crew:
             room = (len(self._threads) + 2) * each  # for all: one that was called for an earlier job may just be coming
             if self._scratch.size < room:
                 self._scratch = np.empty(room, np.uint8)
-            scratch = -(-self._scratch.ctypes.data // 64) * 64
+                self._line = -(-self._scratch.ctypes.data // 64) * 64
             while words[_PLACE["inside"]]:  # one is just leaving
                 time.sleep(20e-6)
-            words[4:13] = kernel, 0, scratch, each, batch, size, -(-batch // size), tile, helpers
+            words[4:13] = kernel, 0, self._line, each, batch, size, -(-batch // size), tile, helpers
         except BaseException:
             self.done()
             raise
