@@ -9,11 +9,10 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-import weakref
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, wraps
-from typing import Any, ParamSpec
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -22,17 +21,15 @@ from articulated.compiler import (
     NOT_FINITE_IN,
     NOT_FINITE_OUT,
     Array,
-    Kernel,
     Program,
     Tape,
     compiled,
-    crew,
     evaluate,
     interpreting,
     kernels_of,
-    light_function,
 )
 from articulated.dynamics.boundary import NORM_TOLERANCE, Argument, check_threads, checked
+from articulated.dynamics.light import offer
 from articulated.dynamics.mechanism import content, mechanism
 from articulated.rig import Rig
 from articulated.scalar import Nested, absolute, maximum
@@ -111,86 +108,6 @@ def call(
     return into if out is None else out
 
 
-@dataclass(slots=True)
-class _Light:
-    """Quick ways for plain arguments: functions in machine code that say whether they could.
-
-    Attributes:
-        shape: of the result for one state.
-        one: for a state in float64.
-        many: for batches, by their type's character, with their kernels.
-    """
-
-    shape: tuple[int, ...]
-    one: Callable[..., bool] = lambda *_: False
-    many: dict[str, tuple[Callable[..., bool], Kernel]] = field(default_factory=dict)
-
-    def batch(self, arguments: Sequence[Any], threads: int | None) -> np.ndarray | None:
-        """The result for a batch of states, or None."""
-        count, dtype = len(arguments[0]), arguments[0].dtype
-        if (found := self.many.get(dtype.char)) is None or interpreting():
-            return None
-        run, kernel = found
-        result = np.empty((count, *self.shape), dtype)
-        threads = kernel.threads(count, threads)
-        job = kernel.job(count, threads) if threads > 1 else None
-        try:
-            return result if run(*arguments, result, job) else None
-        finally:
-            if job is not None:
-                crew.done()
-
-
-P = ParamSpec("P")
-_lights: dict[str, dict[int, _Light]] = {}
-
-
-def light_path(function: Callable[P, np.ndarray]) -> Callable[P, np.ndarray]:
-    """Let a public function answer at once for plain states, if a kernel for them is there already.
-
-    What is unusual in any way (options, keywords, other types or shapes, numbers that are not finite) goes the usual way.
-    """
-    known = _lights.setdefault(function.__name__, {})
-    empty, ndarray = np.empty, np.ndarray
-
-    @wraps(function)
-    def entry(*arguments: Any, **options: Any) -> np.ndarray:
-        light = None
-        if len(arguments) > 1:
-            light, first = known.get(id(arguments[0])), arguments[1]
-        if light is not None and type(first) is ndarray:
-            if first.ndim == 1 and not options:
-                result = empty(light.shape)
-                if light.one(*arguments[1:], result):
-                    return result
-            elif first.ndim == 2 and (not options or (len(options) == 1 and _is_count(options.get("threads")))):
-                result = light.batch(arguments[1:], options.get("threads"))
-                if result is not None:
-                    return result
-        return function(*arguments, **options)  # type: ignore[call-arg]
-
-    return entry  # type: ignore[return-value]
-
-
-def _is_count(x: Any) -> bool:
-    return type(x) is int and x > 0
-
-
-def _offer_light_path(request: _Request, kernel: Kernel) -> None:
-    plain = all(a.fixed for a in request.arguments if a.role in ("gravity", "optional")) and not any(request.options.values())
-    known = _lights.get(_name(request.algorithm))
-    if known is None or not plain or (run := light_function(kernel)) is None:
-        return
-    light = known.get(id(request.rig))
-    if light is None:
-        light = known[id(request.rig)] = _Light(request.shape)
-        weakref.finalize(request.rig, known.pop, id(request.rig), None).atexit = False
-    if kernel.format.lanes > 1:
-        light.many["f" if kernel.format.single else "d"] = run, kernel
-    elif not kernel.format.single:
-        light.one = run
-
-
 def _name(algorithm: Callable[..., Nested]) -> str:
     """An algorithm has the name of the public function that runs it; where that is taken, after an underscore."""
     return algorithm.__name__.strip("_")
@@ -210,7 +127,8 @@ def _run(
     kernels = kernels_of(request.rig)
     if (kernel := kernels.get(key)) is None:
         kernel = kernels[key] = compiled(_program(request), result.dtype == np.float32, 1 if count == 1 else None)
-        _offer_light_path(request, kernel)
+        if all(a.fixed for a in request.arguments if a.role in ("gravity", "optional")) and not any(request.options.values()):
+            offer(_name(request.algorithm), request.rig, kernel, request.shape)
     table = [states(array, batch, len(a.shape)) for array, a in zip(arrays, request.given, strict=True)]
     table.append((result, result.itemsize * math.prod(request.shape), 0, None))
     return kernel(table, count, threads)

@@ -25,7 +25,8 @@ from articulated.dynamics import jacobian as point_jacobian
 from articulated.dynamics import mass_matrix as crba
 from articulated.dynamics import momentum as total_momentum
 from articulated.dynamics.boundary import GRAVITY, Argument, find_link
-from articulated.dynamics.calls import call, light_path, program
+from articulated.dynamics.calls import call, program
+from articulated.dynamics.light import light_path
 from articulated.dynamics.mechanism import Mechanism
 from articulated.rig import Link, Rig
 from articulated.scalar import Scalar

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import articulated as art
-from articulated.dynamics.calls import _lights
 from articulated.dynamics.functions import programs
+from articulated.dynamics.light import lights
 
 RIG = art.load("buggy", root="free")
 
@@ -159,11 +159,11 @@ def test_the_light_path_takes_plain_states_only(plain):
 def test_every_function_has_its_light_path(rng):
     rig = art.load("buggy", root="free")
     functions = programs(rig)
-    assert set(functions) == set(_lights)
+    assert set(functions) == set(lights)
     for name, one in functions.items():
         state = [rig.random(rng) if a.name.startswith("q") else rng.normal(size=a.shape) for a in one.arguments]
         expected = getattr(art, name)(rig, *state)
-        light = _lights[name][id(rig)]
+        light = lights[name][id(rig)]
         result = np.empty(light.shape)
         assert light.one(*state, result)
         assert result.tobytes() == expected.tobytes()
@@ -198,7 +198,7 @@ def test_rigs_come_and_go(rng):
     """Code lives as long as it is used, and no longer than its rig."""
     import gc
 
-    before = len(_lights["forward_dynamics"])
+    before = len(lights["forward_dynamics"])
     for k in range(20):
         rig = art.load("cartpole").with_joints(damping=0.1 * k)
         q, v = rig.random(rng, 5), rng.normal(size=(5, 2))
@@ -208,7 +208,7 @@ def test_rigs_come_and_go(rng):
             art.forward_dynamics(rig, q[0], v[0], v[0])
         del rig
     gc.collect()
-    assert len(_lights["forward_dynamics"]) == before
+    assert len(lights["forward_dynamics"]) == before
 
 
 def test_a_long_compilation_shows_a_bar_and_a_short_one_nothing(tmp_path):
