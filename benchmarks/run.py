@@ -182,7 +182,8 @@ def formats(native: bool) -> None:
                     "one": timed(lambda: art.forward_dynamics(rig, *many, threads=1)),
                     "two": timed(lambda: art.forward_dynamics(rig, *many, threads=2)),
                     "halves": at_once([lambda half=half: art.forward_dynamics(rig, *half, threads=1) for half in halves]),
-                }
+                },
+                count=41,
             )
             cells += [f"{ratio(both, 'one', 'two'):.2f}", f"{ratio(both, 'one', 'halves'):.2f}"]
         os.sched_setaffinity(0, pinned)
