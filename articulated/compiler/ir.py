@@ -152,6 +152,9 @@ class Text:
         self.lines.append(f"{label}:")
         self.block = label
 
+    def go(self, label: str) -> None:
+        self.do(f"br label %{label}")
+
     def branch(self, condition: str, yes: str, no: str) -> None:
         self.do(f"br i1 {condition}, label %{yes}, label %{no}")
 
@@ -161,7 +164,7 @@ class Text:
         head, body, end = (self.label() for _ in range(3))
         turn = Turn(f"%{head}.k", [f"%{head}.{n}" for n in range(len(start))], end)
         before = self.block
-        self.do(f"br label %{head}")
+        self.go(head)
         self.begin(head)
         place = len(self.lines)
         self.branch(self.let(f"icmp slt i64 {turn.k}, {count}"), body, end)
@@ -172,7 +175,7 @@ class Text:
         self.lines[place:place] = [
             f"  {name} = phi {of} [ {first}, %{before} ], [ {then}, %{self.block} ]" for of, name, first, then in carried
         ]
-        self.do(f"br label %{head}")
+        self.go(head)
         self.begin(end)
 
     def function(self, kind: str, name: str, arguments: str, result: str = "", linkage: str = "internal ") -> str:

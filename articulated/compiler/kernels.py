@@ -167,7 +167,7 @@ def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], by
     bar = tqdm(modules, f"compiling {program.name}", delay=delay, disable=None, leave=False, unit="part")
     objects = [on.object_code(text) for text in bar]
     header = {
-        "operations": sum(1 for _ in plan.operations()),
+        "operations": lowering.operations,
         "scratch": lowering.scratch,
         "tile": lowering.tile,
         "objects": [len(code) for code in objects],

@@ -11,13 +11,16 @@ import ctypes
 import sys
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.program import Program
 from articulated.compiler.threads import SHARE, TABLE
+
+if TYPE_CHECKING:
+    from articulated.compiler.kernels import Kernel
 
 STACK = 256 << 10
 """Bytes of scratch that the function may take from the stack."""
@@ -73,9 +76,9 @@ def light_text(program: Program, f: Format, scratch: int, tile: int) -> str:
     call = f"call i64 @kernel(ptr %table, ptr %scratch, i64 0, i64 {states}, i64 {tile})"
     demand(_unlocked(text, call, text.word("%args", len(arrays))) if batch else text.let(call), 0)
     accepted = text.block
-    text.do("br label %return")
+    text.go("return")
     text.begin("refuse")
-    text.do("br label %return")
+    text.go("return")
     text.begin("return")
     answer = text.word("@context", text.let(f"phi i64 [ 2, %{accepted} ], [ 3, %refuse ]"), "ptr")
     if sys.version_info < (3, 12):  # later, True and False count no references
@@ -91,12 +94,12 @@ def _unlocked(text: Text, call: str, job: str) -> str:
     text.branch(alone, "alone", "share")
     text.begin("alone")
     own = text.let(call)
-    text.do("br label %called")
+    text.go("called")
     text.begin("share")
     job = text.word(text.at(text.let(f"inttoptr i64 {job} to ptr"), _OBJECT), 0, "ptr")
     text.do(f"store ptr %table, ptr {text.entry(job, TABLE)}")
     shared = text.let(f"call i64 {text.word(job, SHARE, 'ptr')}(ptr {job})")
-    text.do("br label %called")
+    text.go("called")
     text.begin("called")
     flags = text.let(f"phi i64 [ {own}, %alone ], [ {shared}, %share ]")
     text.do(f"call void {text.word('@context', 5, 'ptr')}(ptr {thread})")
@@ -114,7 +117,7 @@ class _Method(ctypes.Structure):
     ]
 
 
-def light_function(kernel: Any) -> Callable[..., bool] | None:
+def light_function(kernel: Kernel) -> Callable[..., bool] | None:
     """The function of a kernel: takes arguments and results, says whether it could do it; None if there is none."""
     address = kernel.address("light")
     if not address or not headers_are_as_expected():

@@ -36,6 +36,7 @@ class Lowering:
 
     Attributes:
         modules: the kernel's own module, then those with the chunks, each small enough to be compiled in a moment.
+        operations: on each block, once through.
         scratch: bytes that the kernel needs for each block of a tile.
         tile: how many blocks it had best run a chunk for.
     """
@@ -44,8 +45,8 @@ class Lowering:
         kernel = _Kernel(schedule, program, f)
         text = kernel.function()
         chunks, self.scratch = kernel.chunks, kernel.transfers.scratch
-        operations = sum(1 for _ in schedule.operations())
-        self.tile = _TILE if f.lanes > 1 and operations > _INSTRUCTIONS else 1
+        self.operations = sum(1 for _ in schedule.operations())
+        self.tile = _TILE if f.lanes > 1 and self.operations > _INSTRUCTIONS else 1
         arrays = (*program.arguments, *program.results)
         small = self.scratch * self.tile <= STACK and (f.lanes > 1 or not f.single)
         plain = small and not any(array.rows for array in arrays)
@@ -94,7 +95,7 @@ class _Kernel:
                 text.keep(offset, text.entry("%offsets", a * lanes + lane))
         blocks = text.integer("sdiv", text.integer("add", count, lanes - 1), lanes)
         self._first, self._blocks = "%begin", text.integer("smin", blocks, "%tile")
-        self._each(lambda scratch, state: f"void @constants(ptr {scratch})")
+        self._each(lambda scratch, state: f"@constants(ptr {scratch})", tells=False)
         tiles = text.integer("sdiv", text.integer("add", blocks, text.integer("sub", "%tile", 1)), "%tile")
         with text.loop(tiles) as tile:
             before = text.integer("mul", tile.k, "%tile")
@@ -113,13 +114,13 @@ class _Kernel:
                 if item.nodes or item.copies:
                     name = f"chunk{len(self.chunks)}"
                     self.chunks.append(chunk_function(name, item, self.schedule, self.f))
-                    self._each(lambda scratch, state, name=name: f"void @{name}(ptr {scratch})")
+                    self._each(lambda scratch, state, name=name: f"@{name}(ptr {scratch})", tells=False)
             elif isinstance(item, Repeat):
                 self._repeat(item)
             elif isinstance(item, (Exit, Check)):
                 name = f"mask{len(self.masks)}"
                 self.masks.append(mask_function(name, item.mask, isinstance(item, Check), self.schedule, self.f))
-                some = self._each(lambda scratch, state, name=name: f"i64 @{name}(ptr {scratch})")
+                some = self._each(lambda scratch, state, name=name: f"@{name}(ptr {scratch})")
                 if isinstance(item, Check):
                     self._raise(some, CHECK_FAILED)
                 else:
@@ -147,23 +148,23 @@ class _Kernel:
         if reads and item.loop:
             turn = text.word(text.word(entry, 3, "ptr"), turn)
         groups = ", ".join([f"ptr {table}", *(f"i64 {count}" for count in counts)])
-        move = f"i64 @{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}"
+        move = f"@{'read' if reads else 'write'}(ptr {entry}, ptr {offsets}"
         some = self._each(lambda scratch, state: f"{move}, ptr {scratch}, i64 {state}, i64 {turn}, {groups})")
         if self.program.watched and not item.loop:
             self._raise(some, NOT_FINITE_IN if reads else NOT_FINITE_OUT)
 
-    def _each(self, call: Callable[[str, str], str]) -> str:
-        """Call a function for each block of the tile, given its scratch and its first state; whether any call returned 1."""
+    def _each(self, call: Callable[[str, str], str], tells: bool = True) -> str:
+        """Call a function for each block of the tile, given its scratch and first state; whether any call `tells`, by a 1."""
         text, size = self.text, self.text.word("@size")
         with text.loop(self._blocks, "i64", ["0"]) as turn:
             scratch = text.at("%scratch", text.integer("mul", turn.k, size))
             ahead = text.integer("add", self._first, text.integer("mul", turn.k, self.f.lanes))
-            called = f"call {call(scratch, text.integer('smin', ahead, self._last))}"
-            if called.startswith("call void"):
-                text.do(called)
-                turn.following = turn.values
+            called = call(scratch, text.integer("smin", ahead, self._last))
+            if tells:
+                turn.following = [text.integer("or", turn.values[0], text.let(f"call i64 {called}"))]
             else:
-                turn.following = [text.integer("or", turn.values[0], text.let(called))]
+                text.do(f"call void {called}")
+                turn.following = turn.values
         return turn.values[0]
 
     def _raise(self, some: str, flag: int) -> None:

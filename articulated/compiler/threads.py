@@ -180,9 +180,6 @@ class _Text(Text):
     def publish(self, name: str, x: int) -> None:
         self.do(f"store atomic i64 {x}, ptr {self.at_word(name)} seq_cst, align 8")
 
-    def go(self, label: str) -> None:
-        self.do(f"br label %{label}")
-
 
 def _work() -> str:
     """Take parts until there are none."""
