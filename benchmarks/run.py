@@ -25,7 +25,7 @@ from rigs import ROBOTS, chain, robot
 from timing import at_once, median, pin_to_one_core, ratio, setting, timed, turns
 
 import articulated as art
-from articulated.compiler import Tape, compiled, light_function
+from articulated.compiler import Tape, compiled
 from articulated.compiler.schedule import schedule
 from articulated.dynamics.functions import programs
 
@@ -215,7 +215,7 @@ def single(native: bool) -> None:
         one = [x[0].copy() for x in many]
         result, results = art.forward_dynamics(rig, *one), np.empty((1000, rig.nv))
         kernel = compiled(programs(rig)["forward_dynamics"], single=False, lanes=1)
-        light = light_function(kernel)
+        light = kernel.light()
         assert light is not None
         table = [(x, x.strides[0], 0, None) for x in (*many, results)]
         contenders = {

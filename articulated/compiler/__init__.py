@@ -2,7 +2,6 @@
 
 from articulated.compiler.interpreter import as_scalars, evaluate, interpreting
 from articulated.compiler.kernels import Kernel, compiled, kernels_of
-from articulated.compiler.light import light_function
 from articulated.compiler.lowering import CHECK_FAILED, NOT_FINITE_IN, NOT_FINITE_OUT
 from articulated.compiler.program import Array, Program, Rows, Tape
 from articulated.compiler.threads import crew
@@ -22,5 +21,4 @@ __all__ = [
     "evaluate",
     "interpreting",
     "kernels_of",
-    "light_function",
 ]

@@ -7,7 +7,7 @@ import hashlib
 import os
 import time
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,7 @@ import numpy as np
 
 from articulated.compiler import cache as disk
 from articulated.compiler.ir import Format
-from articulated.compiler.light import address_of
+from articulated.compiler.light import address_of, light_function
 from articulated.compiler.lowering import Lowering
 from articulated.compiler.program import Program, Tape
 from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
@@ -60,6 +60,10 @@ class Kernel:
     def address(self, name: str) -> int:
         """Of a function or variable in its code."""
         return self._engine.get_function_address(name) or self._engine.get_global_value_address(name)
+
+    def light(self) -> Callable[..., bool] | None:
+        """Itself as a Python function in machine code; see `light`."""
+        return light_function(self.name, self.format, self.address, self)
 
     def __call__(
         self,

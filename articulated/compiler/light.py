@@ -11,16 +11,12 @@ import ctypes
 import sys
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.program import Program
 from articulated.compiler.threads import SHARE, TABLE
-
-if TYPE_CHECKING:
-    from articulated.compiler.kernels import Kernel
 
 STACK = 256 << 10
 """Bytes of scratch that the function may take from the stack."""
@@ -117,20 +113,27 @@ class _Method(ctypes.Structure):
     ]
 
 
-def light_function(kernel: Kernel) -> Callable[..., bool] | None:
-    """The function of a kernel: takes arguments and results, says whether it could do it; None if there is none."""
-    address = kernel.address("light")
+def light_function(name: str, f: Format, address_in: Callable[[str], int], owner: object) -> Callable[..., bool] | None:
+    """The function of a kernel: takes arguments and results, says whether it could do it; None if there is none.
+
+    Args:
+        name: for people.
+        f: the kernel's.
+        address_in: finds a name in its code.
+        owner: keeps the code alive.
+    """
+    address = address_in("light")
     if not address or not headers_are_as_expected():
         return None
-    number = np.dtype(np.float32 if kernel.format.single else np.float64)
+    number = np.dtype(np.float32 if f.single else np.float64)
     others = (ctypes.cast(x, ctypes.c_void_p).value for x in (_PYTHON.PyEval_SaveThread, _PYTHON.PyEval_RestoreThread))
-    context = (_WORD * 7).from_address(kernel.address("context"))
+    context = (_WORD * 7).from_address(address_in("context"))
     context[:] = [id(np.ndarray), id(number), id(True), id(False), *others, id(None)]
-    method = _Method(kernel.name.encode(), address, _FASTCALL, None)
-    owner = (kernel, method)  # the function keeps alive what it is made of
+    method = _Method(name.encode(), address, _FASTCALL, None)
+    parts = (owner, method)  # the function keeps alive what it is made of
     make = _PYTHON.PyCFunction_NewEx
     make.restype, make.argtypes = ctypes.py_object, [ctypes.c_void_p, ctypes.py_object, ctypes.c_void_p]
-    return make(ctypes.addressof(method), owner, None)
+    return make(ctypes.addressof(method), parts, None)
 
 
 def address_of(array: np.ndarray) -> int:

@@ -13,7 +13,7 @@ from typing import Any, ParamSpec
 
 import numpy as np
 
-from articulated.compiler import Kernel, crew, interpreting, light_function
+from articulated.compiler import Kernel, crew, interpreting
 from articulated.rig import Rig
 
 P = ParamSpec("P")
@@ -91,7 +91,7 @@ def offer(name: str, rig: Rig, kernel: Kernel, shape: tuple[int, ...]) -> None:
         shape: of the result for one state.
     """
     known = lights.get(name)
-    if known is None or (run := light_function(kernel)) is None:
+    if known is None or (run := kernel.light()) is None:
         return
     light = known.get(id(rig))
     if light is None:
