@@ -41,7 +41,20 @@ from articulated.rig import (
     load,
     shipped_rigs,
 )
-from articulated.simulation import INTEGRATORS, FirstOrder, Simulation, State, first_order, simulate
+from articulated.simulation import (
+    INTEGRATORS,
+    PD,
+    ContactPoint,
+    FirstOrder,
+    Ground,
+    Material,
+    Plane,
+    Simulation,
+    State,
+    Stops,
+    first_order,
+    simulate,
+)
 from articulated.trajectory import Check, Outcome, Report, Trajectory
 
 __version__ = "0.1.0"
@@ -49,17 +62,22 @@ __version__ = "0.1.0"
 __all__ = [
     "GRAVITY",
     "INTEGRATORS",
+    "PD",
     "Box",
     "Capsule",
     "Check",
+    "ContactPoint",
     "Cylinder",
     "FirstOrder",
+    "Ground",
     "Joint",
     "Limits",
     "Link",
+    "Material",
     "Mesh",
     "Mimic",
     "Outcome",
+    "Plane",
     "Report",
     "Rig",
     "RigBuilder",
@@ -69,6 +87,7 @@ __all__ = [
     "Simulation",
     "Sphere",
     "State",
+    "Stops",
     "Trajectory",
     "bias_forces",
     "center_of_mass",

@@ -12,12 +12,12 @@ from articulated.compiler import Array, Program, Tape
 from articulated.compiler.c_source import declaration, definition, identifier, prelude
 from articulated.dynamics.boundary import GRAVITY, Argument, checked
 from articulated.dynamics.functions import programs
-from articulated.dynamics.mechanism import mechanism
 from articulated.rig import Rig
 from articulated.scalar import Nested
 from articulated.simulation.forces import Forces
-from articulated.simulation.runge_kutta import Point
-from articulated.simulation.semi_implicit import semi_implicit_step
+from articulated.simulation.implicit.stance import Standing, unmoved
+from articulated.simulation.implicit.step import semi_implicit_step
+from articulated.simulation.scene import Scene
 from articulated.trajectory.files import written
 
 
@@ -74,8 +74,9 @@ def export_c(
 
 def _step(rig: Rig, gravity: tuple[float, ...]) -> Program:
     def write(tape: Tape, q: Nested, v: Nested, tau: Nested, h: Nested) -> list[Nested]:
-        point = semi_implicit_step(mechanism(rig), Point(q, v, 0.0), Forces(tau, None, gravity), h)
-        return [point.q, point.v]
+        scene = Scene(rig)
+        end = semi_implicit_step(Standing(q, v, 0.0, unmoved(scene)), Forces(scene, tau, None, gravity), h)
+        return [end.q, end.v]
 
     arguments = (Array("q", (rig.nq,)), Array("v", (rig.nv,)), Array("tau", (rig.nv,)), Array("h"))
     return Program("step", b"", arguments, (Array("q_next", (rig.nq,)), Array("v_next", (rig.nv,))), write)

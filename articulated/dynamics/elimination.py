@@ -12,7 +12,7 @@ Closing the several coordinates of one joint in turn is an LDLᵀ factorisation 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations_with_replacement
 
@@ -63,8 +63,8 @@ class Elimination:
         self,
         S: Sequence[Motion],
         coordinates: Sequence[int],
-        tau: Sequence[Scalar],
-        armature: Sequence[Scalar],
+        tau: Mapping[int, Scalar] | Sequence[Scalar],
+        armature: Mapping[int, Scalar] | Sequence[Scalar],
         follows: bool,
     ) -> None:
         """Let the body move along S as well: each column belongs to one coordinate, open already or not."""
@@ -89,6 +89,10 @@ class Elimination:
                     self.unloaded[s] = column
         for s, column in opened:
             self.rows[s].U = self.rows[s].U + self.IA @ column
+
+    def couple(self, s: int, t: int, d: Scalar) -> None:
+        """Add d to D_st and D_ts of two open coordinates."""
+        _couple(self.rows, s, t, d)
 
     def close(self, coordinates: Iterable[int]) -> None:
         """Give up these coordinates, the last first."""

@@ -24,7 +24,7 @@ from articulated.dynamics.kinematics import (
 )
 from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.scalar import Scalar
-from articulated.spatial import Motion
+from articulated.spatial import Force, Motion
 
 
 def forward_dynamics(
@@ -34,13 +34,19 @@ def forward_dynamics(
     tau: Sequence[Scalar],
     gravity: Sequence[Scalar],
     external: Sequence[Sequence[Scalar]] | None = None,
-    armature: Sequence[Scalar] | None = None,
+    on_bodies: Sequence[Force | None] | None = None,
 ) -> list[Scalar]:
-    """Generalized accelerations; `armature` replaces the mechanism's own (implicit integrators add to it)."""
-    armature = mechanism.armature if armature is None else armature
+    """Generalized accelerations.
+
+    `external` has wrenches on links, (linear, angular) in the world at their origins; `on_bodies` forces in bodies' own axes.
+    """
+    armature = mechanism.armature
     X, S = placements(mechanism, q), subspaces(mechanism, q)
     motion = velocities(mechanism, X, S, q, v)
     f_external = external_forces(mechanism, X, external)
+    for i, f in enumerate(on_bodies or ()):
+        if f is not None:
+            f_external[i] = f if (so_far := f_external[i]) is None else so_far + f
 
     # outward: what each body would do alone
     IA = [inertia.articulated() for inertia in mechanism.inertia]

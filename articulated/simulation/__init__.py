@@ -1,8 +1,24 @@
 """Moving a rig in time."""
 
+from articulated.simulation.actuation import PD, Stops
+from articulated.simulation.contact.candidates import ContactPoint
+from articulated.simulation.contact.ground import Ground, Material, Plane
 from articulated.simulation.first_order import FirstOrder, first_order
 from articulated.simulation.methods import INTEGRATORS
 from articulated.simulation.simulation import Simulation, simulate
 from articulated.simulation.state import State
 
-__all__ = ["INTEGRATORS", "FirstOrder", "Simulation", "State", "first_order", "simulate"]
+__all__ = [
+    "INTEGRATORS",
+    "PD",
+    "ContactPoint",
+    "FirstOrder",
+    "Ground",
+    "Material",
+    "Plane",
+    "Simulation",
+    "State",
+    "Stops",
+    "first_order",
+    "simulate",
+]

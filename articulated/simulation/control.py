@@ -21,15 +21,17 @@ class Signal:
         turns: for each period its row.
     """
 
-    def __init__(self, rig: Rig, name: str, shape: tuple[int, ...], batch: tuple[int, ...], periods: int, given: Any):
-        self.rig, self.name, self.shape, self.batch = rig, name, shape, batch
+    def __init__(
+        self, rig: Rig, name: str, shape: tuple[int, ...], batch: tuple[int, ...], periods: int, given: Any, dtype: np.dtype
+    ):
+        self.rig, self.name, self.shape, self.batch, self.dtype = rig, name, shape, batch, dtype
         self.function = given if callable(given) else None
         self.value: np.ndarray | None = None
         self.over_time: np.ndarray | None = None
         self.turns = np.zeros(periods, dtype=np.int64)
         if given is None or self.function:
             return
-        array = checked(rig, Argument(name, given, shape)).astype(float, copy=False)
+        array = checked(rig, Argument(name, given, shape)).astype(dtype, copy=False)
         if array.ndim - len(shape) <= len(batch):
             self.value = self._for_batch(array)
             return
@@ -64,7 +66,7 @@ class Signal:
         elif self.value is not None:
             chosen = np.expand_dims(self.value, -len(self.shape) - 1)
         else:
-            chosen = np.zeros((1,) * (1 + len(self.shape)))
+            chosen = np.zeros((1,) * (1 + len(self.shape)), self.dtype)
         return np.broadcast_to(chosen, (*self.batch, len(periods), *self.shape))
 
     def _answer(self, answer: Any, time: float) -> np.ndarray:
@@ -72,7 +74,7 @@ class Signal:
 
     def _for_batch(self, array: np.ndarray) -> np.ndarray:
         try:
-            return np.broadcast_to(array, (*self.batch, *self.shape)).astype(float, copy=False)
+            return np.broadcast_to(array, (*self.batch, *self.shape)).astype(self.dtype, copy=False)
         except ValueError:
             wanted = ", ".join(map(str, (*self.batch, *self.shape)))
             raise ValueError(f"{self.name} has shape {array.shape}; it does not broadcast to the states' ({wanted})") from None

@@ -76,14 +76,14 @@ def begin(at: Point, h: Scalar) -> Adaptive:
     return Adaptive(zero, at, slope, zero + h, zero, at, [slope] * 7, zero + 1.0, zero, zero)
 
 
-def restarted(mechanism: Mechanism, state: Adaptive, forces: Forces) -> Adaptive:
+def restarted(state: Adaptive, forces: Forces) -> Adaptive:
     """The same motion after its forces have changed."""
-    return replace(state, slope=first_slope(mechanism, state.at, forces))
+    return replace(state, slope=first_slope(state.at, forces))
 
 
-def first_slope(mechanism: Mechanism, at: Point, forces: Forces) -> Slope:
+def first_slope(at: Point, forces: Forces) -> Slope:
     """The slope at a point."""
-    return Slope(at.v, *acceleration_and_power(mechanism, at.q, at.v, forces))
+    return Slope(at.v, *acceleration_and_power(at.q, at.v, forces))
 
 
 def at_rest(state: Adaptive, t_end: Scalar, max_steps: Scalar) -> Scalar:
@@ -93,7 +93,6 @@ def at_rest(state: Adaptive, t_end: Scalar, max_steps: Scalar) -> Scalar:
 
 
 def attempt(
-    mechanism: Mechanism,
     state: Adaptive,
     forces: Forces,
     t_stop: Scalar,
@@ -101,16 +100,16 @@ def attempt(
     atol: Scalar,
 ) -> Adaptive:
     """Try one step, not beyond `t_stop`."""
-    rest = t_stop - state.t
+    mechanism, rest = forces.mechanism, t_stop - state.t
     # the last step ends exactly there; a rest that would leave a sliver is halved
     h = where(state.h >= rest, rest, where(2.0 * state.h > rest, 0.5 * rest, state.h))
 
     slopes = [state.slope]
     for row in DOPRI5.a[1:]:
-        slopes.append(stage(mechanism, state.at, row, slopes, forces, h))
+        slopes.append(stage(state.at, row, slopes, forces, h))
     step, arrived = moved(mechanism, state.at, DOPRI5.b, slopes, h)
     assert step is not None
-    next_slope = first_slope(mechanism, arrived, forces)
+    next_slope = first_slope(arrived, forces)
     # the same slope as seen from the start of the step is what error and dense output need
     slopes.append(replace(next_slope, step=step_rate(mechanism, step, arrived.v)))
     error = _error(mechanism, state.at, arrived, slopes, h, rtol, atol)

@@ -14,6 +14,7 @@ from articulated.dynamics.mechanism import Mechanism
 from articulated.rig import Rig
 from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces, acceleration_and_power
+from articulated.simulation.scene import Scene
 
 
 class FirstOrder:
@@ -90,7 +91,7 @@ class FirstOrder:
 
 
 def _rate(m: Mechanism, q, v, tau, external, gravity) -> list[Scalar]:
-    a, _ = acceleration_and_power(m, q, v, Forces(tau, external, gravity))
+    a, _ = acceleration_and_power(q, v, Forces(Scene(m.rig), tau, external, gravity))
     return [*configuration_rate(m, q, v), *a]
 
 

@@ -1,15 +1,18 @@
-"""What acts on a rig during a step, and what it does to the motion: acceleration and power."""
+"""What acts on a rig during a step, and what it does to a smooth motion: acceleration and power."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from articulated.dynamics.configuration import difference
 from articulated.dynamics.forward_dynamics import forward_dynamics
 from articulated.dynamics.kinematics import link_velocities
 from articulated.dynamics.mechanism import Mechanism
 from articulated.dynamics.passive import passive_forces
 from articulated.scalar import Scalar
+from articulated.simulation.compliance import compliance
+from articulated.simulation.scene import Numbers, Scene
 
 
 @dataclass(frozen=True, eq=False)
@@ -17,23 +20,40 @@ class Forces:
     """What is held constant over a control period.
 
     Attributes:
+        scene: ground, stops and drives.
         tau: generalized forces of the control.
         external: a wrench for each link, (linear, angular) in the world at the link origin, or None.
         gravity: acceleration of free fall.
+        numbers: of the scene.
+        target: the configuration that drives hold to.
     """
 
+    scene: Scene
     tau: Sequence[Scalar]
     external: Sequence[Sequence[Scalar]] | None
     gravity: Sequence[Scalar]
+    numbers: Numbers = field(default_factory=Numbers)
+    target: Sequence[Scalar] = ()
+
+    @property
+    def mechanism(self) -> Mechanism:
+        return self.scene.mechanism
+
+    def errors(self, q: Sequence[Scalar]) -> list[Scalar]:
+        """Of each drive, how far its coordinate is from where it should be [rad or m]."""
+        if self.scene.drives is None:
+            return []
+        away = difference(self.mechanism, q, self.target)
+        return [away[s] for s in self.scene.drives.coordinates]
 
 
-def acceleration_and_power(
-    mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces
-) -> tuple[list[Scalar], Scalar]:
-    """v̇ under these forces and the joints' own damping and friction; and the power of all of them but weight."""
-    tau = [a + b for a, b in zip(forces.tau, passive_forces(mechanism, v), strict=True)]
-    a = forward_dynamics(mechanism, q, v, tau, forces.gravity, forces.external)
-    return a, dot(tau, v) + external_power(mechanism, q, v, forces)
+def acceleration_and_power(q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> tuple[list[Scalar], Scalar]:
+    """v̇ under these forces, the joints' own damping and friction, and what the scene gives; the power of all but weight."""
+    mechanism = forces.mechanism
+    given = compliance(forces.scene, forces.numbers, q, v, forces.errors(q))
+    tau = [a + b + c for a, b, c in zip(forces.tau, passive_forces(mechanism, v), given.tau, strict=True)]
+    a = forward_dynamics(mechanism, q, v, tau, forces.gravity, forces.external, on_bodies=given.on_bodies)
+    return a, dot(tau, v) + given.power + external_power(mechanism, q, v, forces)
 
 
 def external_power(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> Scalar:

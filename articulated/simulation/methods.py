@@ -1,6 +1,7 @@
 """Methods of integration as seen from outside: what moves a state through one control period.
 
-All over scalars. A `Motion` is whatever a method carries from step to step: a `Point`, or for dopri5 an `Adaptive`.
+All over scalars. A `Motion` is whatever a method carries from step to step: a `Point`, for dopri5 an `Adaptive`, and for the
+implicit step a `Standing`.
 """
 
 from __future__ import annotations
@@ -9,12 +10,13 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Scalar, flatten, repeat, where
 from articulated.simulation import dopri5
 from articulated.simulation.forces import Forces
+from articulated.simulation.implicit.stance import Standing, unmoved
+from articulated.simulation.implicit.step import semi_implicit_step
 from articulated.simulation.runge_kutta import EULER, MIDPOINT, RK4, Point, Tableau, runge_kutta_step
-from articulated.simulation.semi_implicit import semi_implicit_step
+from articulated.simulation.scene import Scene
 
 Motion = Any
 
@@ -60,22 +62,29 @@ class Clock:
 class Fixed:
     """Steps of one length."""
 
-    def __init__(self, step: Callable[[Mechanism, Point, Forces, Scalar], Point]):
+    interpolates = False
+    """Whether a motion has to be asked where it is."""
+
+    def __init__(self, step: Callable[[Any, Forces, Scalar], Any]):
         self.step = step
 
-    def begin(self, start: Point, h: Scalar) -> Motion:
+    def begin(self, scene: Scene, start: Point, h: Scalar) -> Motion:
         """The motion that starts at a point; complete once it is `resumed`."""
         return start
 
-    def resumed(self, mechanism: Mechanism, motion: Motion, forces: Forces) -> Motion:
+    def remembers(self, scene: Scene) -> int:
+        """How many numbers it carries from one `Simulation.step` to the next, besides q, v and work."""
+        return 0
+
+    def resumed(self, motion: Motion, forces: Forces) -> Motion:
         """The motion under new forces."""
         return motion
 
-    def advance(self, mechanism: Mechanism, motion: Motion, forces: Forces, clock: Clock) -> Motion:
+    def advance(self, motion: Motion, forces: Forces, clock: Clock) -> Motion:
         """The motion at the end of a control period."""
-        return repeat(clock.substeps, lambda point: self.step(mechanism, point, forces, clock.times.h), motion)
+        return repeat(clock.substeps, lambda point: self.step(point, forces, clock.times.h), motion)
 
-    def at(self, mechanism: Mechanism, motion: Motion, t: Scalar) -> Point:
+    def at(self, scene: Scene, motion: Motion, t: Scalar) -> Point:
         """Where it is at a time that it has just reached or passed; not a number if it never got there."""
         return motion
 
@@ -83,30 +92,52 @@ class Fixed:
         """How far it got [s], and whether its step became too short; nothing if no step can fail."""
         return []
 
+    def shown(self, motion: Motion) -> dict[str, Any]:
+        """What is recorded of the last step, besides where it led."""
+        return {}
+
+
+class Implicit(Fixed):
+    """Steps of one length that carry a stance with them."""
+
+    def begin(self, scene: Scene, start: Point, h: Scalar) -> Standing:
+        return Standing(start.q, start.v, start.work, unmoved(scene))
+
+    def remembers(self, scene: Scene) -> int:
+        return len(flatten(unmoved(scene)))
+
+    def at(self, scene: Scene, motion: Standing, t: Scalar) -> Point:
+        return Point(motion.q, motion.v, motion.work)
+
+    def shown(self, motion: Standing) -> dict[str, Any]:
+        return {"contact_forces": motion.stance.contact_forces, "efforts": motion.stance.efforts}
+
 
 class Adaptive(Fixed):
     """Steps of dopri5, each state its own; where forces stay the same, steps cross periods, which are interpolated."""
 
+    interpolates = True
+
     def __init__(self):
         """There is nothing to choose."""
 
-    def begin(self, start: Point, h: Scalar) -> Motion:
+    def begin(self, scene: Scene, start: Point, h: Scalar) -> Motion:
         return dopri5.begin(start, h)
 
-    def resumed(self, mechanism: Mechanism, motion: Motion, forces: Forces) -> Motion:
-        return dopri5.restarted(mechanism, motion, forces)
+    def resumed(self, motion: Motion, forces: Forces) -> Motion:
+        return dopri5.restarted(motion, forces)
 
-    def advance(self, mechanism: Mechanism, motion: Motion, forces: Forces, clock: Clock) -> Motion:
+    def advance(self, motion: Motion, forces: Forces, clock: Clock) -> Motion:
         def attempt(motion: Motion) -> Motion:
-            return dopri5.attempt(mechanism, motion, forces, clock.t_stop, clock.times.rtol, clock.times.atol)
+            return dopri5.attempt(motion, forces, clock.t_stop, clock.times.rtol, clock.times.atol)
 
         def done(motion: Motion) -> Scalar:
             return dopri5.at_rest(motion, clock.t_end, clock.times.max_steps)
 
         return repeat(_UNLIMITED, attempt, motion, done)
 
-    def at(self, mechanism: Mechanism, motion: Motion, t: Scalar) -> Point:
-        point = dopri5.interpolated(mechanism, motion, t)
+    def at(self, scene: Scene, motion: Motion, t: Scalar) -> Point:
+        point = dopri5.interpolated(scene.mechanism, motion, t)
         q, v, work = ([where(motion.t < t, float("nan"), x) for x in flatten(part)] for part in (point.q, point.v, point.work))
         return Point(q, v, work[0])
 
@@ -115,11 +146,11 @@ class Adaptive(Fixed):
 
 
 def _runge_kutta(tableau: Tableau) -> Fixed:
-    return Fixed(lambda mechanism, point, forces, h: runge_kutta_step(mechanism, tableau, point, forces, h))
+    return Fixed(lambda point, forces, h: runge_kutta_step(tableau, point, forces, h))
 
 
 INTEGRATORS: dict[str, Fixed] = {
-    "semi_implicit": Fixed(semi_implicit_step),
+    "semi_implicit": Implicit(semi_implicit_step),
     "euler": _runge_kutta(EULER),
     "midpoint": _runge_kutta(MIDPOINT),
     "rk4": _runge_kutta(RK4),

@@ -7,7 +7,7 @@ frame to the last. Interpreted, or with a control that has to be asked for, peri
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -26,13 +26,13 @@ from articulated.compiler import (
 )
 from articulated.dynamics.boundary import GRAVITY, Argument
 from articulated.dynamics.calls import call, states
-from articulated.dynamics.mechanism import Mechanism, content, mechanism
-from articulated.rig import Rig
+from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Nested, Scalar, flatten, rebuilt, repeat
 from articulated.simulation.control import Signal
 from articulated.simulation.forces import Forces
 from articulated.simulation.methods import INTEGRATORS, Clock, Motion, Times
 from articulated.simulation.runge_kutta import Point
+from articulated.simulation.scene import Numbers, Scene
 from articulated.simulation.state import State
 
 _FRAMES, _PERIODS, _SUBSTEPS = range(3)
@@ -57,13 +57,37 @@ class Plan:
     times: Times
 
 
+@dataclass(frozen=True, eq=False)
+class World:
+    """Where and under what a batch moves.
+
+    Attributes:
+        scene, integrator: what a step is compiled from.
+        like: numbers of the scene, to tell their structure.
+        numbers: their values, shape (..., n).
+        gravity: acceleration of free fall.
+    """
+
+    scene: Scene
+    integrator: str
+    like: Numbers
+    numbers: np.ndarray
+    gravity: tuple[float, ...]
+
+
+class Signals(NamedTuple):
+    """What acts in each period: generalized forces, the configuration that drives hold to, and wrenches on links."""
+
+    tau: Signal
+    target: Signal
+    external: Signal
+
+
 class Frames(NamedTuple):
     """Frames of a run: the number of the first, and arrays of shape (*batch, how many, …)."""
 
     first: int
-    q: np.ndarray
-    v: np.ndarray
-    work: np.ndarray
+    recorded: list[np.ndarray]
     tau: np.ndarray
 
 
@@ -72,27 +96,24 @@ class Rollout:
 
     Attributes:
         motion: what the method carries of each state, shape (*batch, size).
+        shown: what the method shows of the step before, by name, as indices into its motion.
+        recorded: shapes of what is kept of each frame: q, v, work, and what is shown.
     """
 
-    def __init__(
-        self,
-        rig: Rig,
-        integrator: str,
-        gravity: tuple[float, ...],
-        start: State,
-        tau: Signal,
-        external: Signal,
-        plan: Plan,
-        threads: int | None,
-    ):
-        self.rig, self.gravity, self.tau, self.external, self.plan, self.threads = rig, gravity, tau, external, plan, threads
-        self.integrator, self.method = integrator, INTEGRATORS[integrator]
-        self.batch = start.work.shape
-        self.changes = tau.changes or external.changes
-        self.asks = tau.function is not None or external.function is not None
-        self._like: Motion = self.method.begin(_point(rig, [0.0] * (rig.nq + rig.nv + 1)), 0.0)
-        point = np.concatenate([start.q, start.v, start.work[..., None]], axis=-1)
-        self.motion = point if isinstance(self._like, Point) else self._begun(point)
+    def __init__(self, world: World, start: State, signals: Signals, plan: Plan, threads: int | None):
+        self.world, self.signals, self.plan, self.threads = world, signals, plan, threads
+        self.scene, self.rig, self.method = world.scene, world.scene.rig, INTEGRATORS[world.integrator]
+        self.batch, self.dtype = start.work.shape, start.q.dtype
+        self.changes = any(signal.changes for signal in signals)
+        self.asks = any(signal.function is not None for signal in signals)
+        point = _point(self.scene.mechanism, [0.0] * (self.rig.nq + self.rig.nv + 1))
+        self._like: Motion = self.method.begin(self.scene, point, 0.0)
+        self._size = len(flatten(self._like))
+        index = rebuilt(self._like, iter(range(self._size)))
+        self.shown = self._shown(index)
+        self.recorded = ((self.rig.nq,), (self.rig.nv,), (), *((len(part),) for part in self.shown.values()))
+        given = np.concatenate([start.q, start.v, start.work[..., None], start.memory], axis=-1)
+        self.motion = given if given.shape[-1] == self._size else self._begun(given[..., : self.rig.nq + self.rig.nv + 1])
 
     def run(self) -> Iterator[Frames]:
         """All frames, some at a time."""
@@ -102,36 +123,47 @@ class Rollout:
             yield from self._period_by_period()
         elif math.prod(self.batch):
             yield from self._many_at_once()
-        yield self._now(plan.frames, self.state(last), self.tau.value if self.asks else self.tau.rows(np.array([last - 1])))
+        tau = self.signals.tau
+        yield self._now(plan.frames, self.state(last), tau.value if self.asks else tau.rows(np.array([last - 1])))
 
     def step(self) -> None:
         """One control period."""
         if interpreting() or self.asks:
-            for signal in self._signals:
+            for signal in self.signals:
                 signal.update(0, 0.0, self.state(0))
         self._period(0)
 
     def state(self, k: int) -> State:
         """Where the batch is at the start of period k."""
-        t, point = k * self.plan.times.period, self.motion
+        t, motion = k * self.plan.times.period, self.motion
         nq, nv = self.rig.nq, self.rig.nv
-        if not isinstance(self._like, Point):
-            given = [Argument("motion", point, point.shape[-1:]), Argument("t", t, ())]
-            options = {"watched": False, "integrator": self.integrator}
-            point = call(self.rig, _interpolated, given, (nq + nv + 1,), None, self.threads, **options)
-        return State(t, point[..., :nq].copy(), point[..., nq : nq + nv].copy(), point[..., nq + nv].copy())
+        if self.method.interpolates:
+            given = [Argument("motion", motion, motion.shape[-1:]), Argument("t", t, ())]
+            options = {"watched": False, "integrator": self.world.integrator}
+            motion = call(self.rig, _interpolated, given, (nq + nv + 1,), None, self.threads, **options)
+        q, v, rest = motion[..., :nq], motion[..., nq : nq + nv], motion[..., nq + nv + 1 :]
+        return State(t, q.copy(), v.copy(), motion[..., nq + nv].copy(), rest.copy())
+
+    def _shown(self, motion: Motion) -> dict[str, list[Any]]:
+        """What the method shows of the step before, flat; without what is empty."""
+        flat = {name: flatten(part) for name, part in self.method.shown(motion).items()}
+        return {name: part for name, part in flat.items() if part}
 
     def _begun(self, point: np.ndarray) -> np.ndarray:
-        motion = np.empty((*self.batch, len(flatten(self._like))))
-        given = [(point, 1), (np.broadcast_to(self.plan.times.h, self.batch), 0)]
-        evaluate(lambda x, h: flatten(self.method.begin(_point(self.rig, x), h)), given, motion, self.batch)
+        motion = np.empty((*self.batch, self._size), self.dtype)
+        h = np.broadcast_to(np.asarray(self.plan.times.h, self.dtype), self.batch)
+        m = self.scene.mechanism
+        evaluate(lambda x, h: flatten(self.method.begin(self.scene, _point(m, x), h)), [(point, 1), (h, 0)], motion, self.batch)
         return motion
 
     def reached(self) -> tuple[np.ndarray, np.ndarray] | None:
         """How far each state got [s], and whether its step became too short; None if no step can fail."""
-        motion = rebuilt(self._like, iter(np.moveaxis(self.motion, -1, 0)))
-        reached = self.method.reached(motion)
+        reached = self.method.reached(self.end())
         return (reached[0], reached[1] > 0.5) if reached else None
+
+    def end(self) -> Motion:
+        """What the method carries, one array a scalar."""
+        return rebuilt(self._like, iter(np.moveaxis(self.motion, -1, 0)))
 
     def _period_by_period(self) -> Iterator[Frames]:
         for frame in range(self.plan.frames):
@@ -139,29 +171,30 @@ class Rollout:
                 k = frame * self.plan.periods + j
                 if j == 0 or self.asks:
                     state = self.state(k)
-                for signal in self._signals:
+                for signal in self.signals:
                     signal.update(k, k * self.plan.times.period, state)
                 if j == 0:
-                    yield self._now(frame, state, self.tau.value)
+                    yield self._now(frame, state, self.signals.tau.value)
                 self._period(k)
 
     def _period(self, k: int) -> None:
         if math.prod(self.batch) == 0:
             return
         if not interpreting():
-            self._run(k, 1, 1, [np.empty((*self.batch, 1, *shape)) for shape in self._recorded])
+            self._run(k, 1, 1, [np.empty((*self.batch, 1, *shape), self.dtype) for shape in self.recorded])
             return
-        settings = self._settings(k)
+        settings, numbers = self._settings(k), self.world.numbers
         given = [(self.motion, 1), (np.broadcast_to(settings, (*self.batch, *settings.shape)), 1)]
-        given += [(signal.value, len(signal.shape)) for signal in self._signals]
-        m, resume = mechanism(self.rig), k == 0 or self.changes
+        given += [(np.broadcast_to(numbers, (*self.batch, numbers.shape[-1])), 1)]
+        given += [(signal.value, len(signal.shape)) for signal in self.signals]
+        resume = k == 0 or self.changes
 
-        def algorithm(motion, settings, tau, external):
-            forces = _forces(m, tau, external, self.gravity)
+        def algorithm(motion, settings, numbers, *signals):
+            forces = self._forces(signals, numbers, self.world.gravity)
             motion = rebuilt(self._like, iter(motion))
-            motion = self.method.resumed(m, motion, forces) if resume else motion
+            motion = self.method.resumed(motion, forces) if resume else motion
             clock = _clock(Times(*settings[1:]), settings[0], self.changes, self.plan.substeps)
-            return flatten(self.method.advance(m, motion, forces, clock))
+            return flatten(self.method.advance(motion, forces, clock))
 
         moved = np.empty_like(self.motion)
         evaluate(algorithm, given, moved, self.batch)
@@ -173,48 +206,45 @@ class Rollout:
         share = max(1, min(frames, int(_PATIENCE / max(work, 1e-9))))
         for first in range(0, frames, share):
             count = min(share, frames - first)
-            arrays = [np.empty((*self.batch, count, *shape)) for shape in self._recorded]
+            arrays = [np.empty((*self.batch, count, *shape), self.dtype) for shape in self.recorded]
             self._run(first * plan.periods, count, plan.periods, arrays)
-            tau = self.tau.rows(np.arange(first, first + count) * plan.periods)
-            q, v, work = arrays
-            yield Frames(first, q, v, work, tau)
+            yield Frames(first, arrays, self.signals.tau.rows(np.arange(first, first + count) * plan.periods))
 
     def _now(self, frame: int, state: State, tau: np.ndarray | None) -> Frames:
         if tau is None:
             tau = np.zeros((*self.batch, 1, self.rig.nv))
         elif tau.ndim == len(self.batch) + 1:
             tau = tau[..., None, :]
-        return Frames(frame, state.q[..., None, :], state.v[..., None, :], state.work[..., None], tau)
+        shown = [self.motion[..., None, part] for part in self.shown.values()]
+        return Frames(frame, [state.q[..., None, :], state.v[..., None, :], state.work[..., None], *shown], tau)
 
     def _settings(self, first: int) -> np.ndarray:
         """As the algorithms take them: the number of the first period, then the times."""
-        return np.array([first, *self.plan.times])
+        return np.array([first, *self.plan.times], self.dtype)
 
-    @property
-    def _signals(self) -> tuple[Signal, Signal]:
-        return self.tau, self.external
+    def _forces(self, signals: Sequence[Nested], numbers: Nested, gravity: Nested) -> Forces:
+        tau, target, external = signals
+        nothing = [0.0] * self.rig.nv
+        given = rebuilt(self.world.like, iter(numbers))
+        return Forces(self.scene, nothing if tau is None else tau, external, gravity, given, () if target is None else target)
 
     # compiled
 
-    @property
-    def _recorded(self) -> tuple[tuple[int, ...], ...]:
-        return (self.rig.nq,), (self.rig.nv,), ()
-
     def _run(self, first: int, frames: int, periods: int, recorded: list[np.ndarray]) -> None:
         """Run some frames from period `first` on, recording their beginnings."""
-        moved, batch = np.empty_like(self.motion), self.batch
+        moved, batch, size = np.empty_like(self.motion), self.batch, self.dtype.itemsize
         table = [states(self.motion, batch, 1), states(self._settings(first), batch, 1)]
-        for signal in self._signals:
+        table.append(states(self.world.numbers.astype(self.dtype, copy=False), batch, 1))
+        for signal in self.signals:
             if signal.over_time is not None:
                 array, step, *_ = states(signal.over_time, batch, len(signal.shape) + 1)
-                row = 8 * math.prod(signal.shape)
-                table.append((array, step, row, signal.turns[first:]))
+                table.append((array, step, size * math.prod(signal.shape), signal.turns[first:]))
             elif signal.value is not None:
                 table.append(states(signal.value, batch, len(signal.shape)))
         if self._gravity_given:
-            table.append(states(np.array(self.gravity), batch, 1))
-        for array, shape in zip(recorded, self._recorded, strict=True):
-            row = 8 * math.prod(shape)
+            table.append(states(np.array(self.world.gravity, self.dtype), batch, 1))
+        for array, shape in zip(recorded, self.recorded, strict=True):
+            row = size * math.prod(shape)
             table.append((array, row * frames, row, None))
         table.append(states(moved, batch, 1))
         loops = frames, periods, self.plan.substeps
@@ -223,80 +253,75 @@ class Rollout:
 
     @property
     def _gravity_given(self) -> bool:
-        return self.gravity != GRAVITY
+        return self.world.gravity != GRAVITY
 
     def _kernel(self) -> Kernel:
-        signals = [("rows" if s.over_time is not None else "value" if s.value is not None else "") for s in self._signals]
-        one = math.prod(self.batch) == 1
-        key = ("rollout", self.integrator, *signals, self.changes, self._gravity_given, one)
+        signals = [("rows" if s.over_time is not None else "value" if s.value is not None else "") for s in self.signals]
+        one, single = math.prod(self.batch) == 1, self.dtype == np.float32
+        key = ("rollout", self.world.integrator, self.scene.content, *signals, self.changes, self._gravity_given)
         kernels = kernels_of(self.rig)
-        if key not in kernels:
-            kernels[key] = compiled(self._program(signals, repr(key).encode()), False, 1 if one else None)
-        return kernels[key]
+        if (*key, one, single) not in kernels:
+            program = self._program(signals, repr(key).encode())
+            kernels[(*key, one, single)] = compiled(program, single, 1 if one else None)
+        return kernels[(*key, one, single)]
 
-    def _program(self, signals: list[str], key: bytes) -> Program:
-        rig, method, like, changes = self.rig, self.method, self._like, self.changes
-        size = len(flatten(like))
+    def _program(self, kinds: list[str], key: bytes) -> Program:
+        scene, method, like, changes, rig = self.scene, self.method, self._like, self.changes, self.rig
 
-        def write(tape: Tape, motion: Nested, settings: Nested, *given: Any) -> list[Nested]:
-            m, (first, *lengths), rest = mechanism(rig), settings, iter(given)
+        def write(tape: Tape, motion: Nested, settings: Nested, numbers: Nested, *given: Any) -> list[Nested]:
+            (first, *lengths), rest = settings, iter(given)
             times = Times(*lengths)
-            tau, external = (next(rest) if signal else None for signal in signals)
+            signals = [next(rest) if kind else None for kind in kinds]
             gravity = next(rest, GRAVITY)
 
             def forces() -> Forces:
-                now = (x.row() if isinstance(x, Rows) else x for x in (tau, external))
-                return _forces(m, next(now), next(now), gravity)
+                return self._forces([x.row() if isinstance(x, Rows) else x for x in signals], numbers, gravity)
 
             def period(carry: list[Nested]) -> list[Nested]:
                 k, motion = carry
                 acting = forces()
-                motion = method.resumed(m, motion, acting) if changes else motion
+                motion = method.resumed(motion, acting) if changes else motion
                 clock = _clock(times, k, changes, tape.parameter(_SUBSTEPS))
-                return [k + 1.0, method.advance(m, motion, acting, clock)]
+                return [k + 1.0, method.advance(motion, acting, clock)]
 
             def frame(carry: list[Nested]) -> list[Nested]:
                 k, motion = carry
-                for result, value in enumerate(_parts(method.at(m, motion, k * times.period))):
+                point = method.at(scene, motion, k * times.period)
+                for result, value in enumerate((point.q, point.v, point.work, *self._shown(motion).values())):
                     tape.record(result, value)
                 return repeat(tape.parameter(_PERIODS), period, carry)
 
             start = rebuilt(like, iter(motion))
-            start = start if changes else method.resumed(m, start, forces())
+            start = start if changes else method.resumed(start, forces())
             _, end = repeat(tape.parameter(_FRAMES), frame, [first, start])
             return [flatten(end)]
 
-        shapes = {"tau": (rig.nv,), "external": (rig.nlinks, 6)}
-        arguments = [Array("motion", (size,)), Array("settings", (1 + len(Times._fields),))]
-        arguments += [Array(name, shapes[name], kind == "rows") for name, kind in zip(shapes, signals, strict=True) if kind]
+        shapes = ("tau", (rig.nv,)), ("target", (rig.nq,)), ("external", (rig.nlinks, 6))
+        arguments = [Array("motion", (self._size,)), Array("settings", (1 + len(Times._fields),))]
+        arguments += [Array("numbers", (self.world.numbers.shape[-1],))]
+        arguments += [Array(name, shape, kind == "rows") for (name, shape), kind in zip(shapes, kinds, strict=True) if kind]
         arguments += [Array("gravity", (3,))] * self._gravity_given
-        recorded = zip(("q", "v", "work"), self._recorded, strict=True)
+        names = ("q", "v", "work", *self.shown)
+        results = [Array(name, shape, rows=True) for name, shape in zip(names, self.recorded, strict=True)]
         return Program(
-            name=f"rollout_{self.integrator}",
-            content=key + content(rig),
+            name=f"rollout_{self.world.integrator}",
+            content=key,
             arguments=tuple(arguments),
-            results=(*(Array(name, shape, rows=True) for name, shape in recorded), Array("motion", (size,))),
+            results=(*results, Array("motion", (self._size,))),
             write=write,
             watched=False,
         )
 
 
 def _interpolated(m: Mechanism, motion: Nested, t: Scalar, integrator: str) -> Nested:
-    method = INTEGRATORS[integrator]
-    like = method.begin(_point(m.rig, [0.0] * (m.nq + m.nv + 1)), 0.0)
-    return _parts(method.at(m, rebuilt(like, iter(motion)), t))
-
-
-def _point(rig: Rig, scalars: list[Scalar]) -> Point:
-    return Point(scalars[: rig.nq], scalars[rig.nq : rig.nq + rig.nv], scalars[rig.nq + rig.nv])
-
-
-def _parts(point: Point) -> tuple[Nested, ...]:
+    method, scene = INTEGRATORS[integrator], Scene(m.rig)
+    like = method.begin(scene, _point(m, [0.0] * (m.nq + m.nv + 1)), 0.0)
+    point = method.at(scene, rebuilt(like, iter(motion)), t)
     return point.q, point.v, point.work
 
 
-def _forces(m: Mechanism, tau: Nested, external: Nested, gravity: Nested) -> Forces:
-    return Forces([0.0] * m.nv if tau is None else tau, external, gravity)
+def _point(m: Mechanism, scalars: list[Scalar]) -> Point:
+    return Point(scalars[: m.nq], scalars[m.nq : m.nq + m.nv], scalars[m.nq + m.nv])
 
 
 def _clock(times: Times, k: Scalar, changes: bool, substeps: Any) -> Clock:

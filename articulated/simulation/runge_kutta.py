@@ -46,16 +46,15 @@ class Slope:
     work: Scalar
 
 
-def runge_kutta_step(mechanism: Mechanism, tableau: Tableau, start: Point, forces: Forces, h: Scalar) -> Point:
+def runge_kutta_step(tableau: Tableau, start: Point, forces: Forces, h: Scalar) -> Point:
     """One step of length h."""
     slopes: list[Slope] = []
     for row in tableau.a:
-        slopes.append(stage(mechanism, start, row, slopes, forces, h))
-    return moved(mechanism, start, tableau.b, slopes, h)[1]
+        slopes.append(stage(start, row, slopes, forces, h))
+    return moved(forces.mechanism, start, tableau.b, slopes, h)[1]
 
 
 def stage(
-    mechanism: Mechanism,
     start: Point,
     row: Sequence[float],
     slopes: Sequence[Slope],
@@ -63,9 +62,9 @@ def stage(
     h: Scalar,
 ) -> Slope:
     """The slope at the stage that these earlier slopes, so weighted, lead to."""
-    step, at = moved(mechanism, start, row, slopes, h)
-    rate = at.v if step is None else step_rate(mechanism, step, at.v)
-    return Slope(rate, *acceleration_and_power(mechanism, at.q, at.v, forces))
+    step, at = moved(forces.mechanism, start, row, slopes, h)
+    rate = at.v if step is None else step_rate(forces.mechanism, step, at.v)
+    return Slope(rate, *acceleration_and_power(at.q, at.v, forces))
 
 
 def moved(

@@ -4,62 +4,76 @@ from __future__ import annotations
 
 import math
 import operator
-import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, checked
-from articulated.dynamics.functions import kinetic_energy, potential_energy
 from articulated.rig import Rig
+from articulated.simulation.actuation import PD, Stops
+from articulated.simulation.contact.candidates import ContactPoint
+from articulated.simulation.contact.ground import Ground
 from articulated.simulation.control import Signal
+from articulated.simulation.describe import described
 from articulated.simulation.methods import INTEGRATORS, Times
-from articulated.simulation.rollout import Plan, Rollout
+from articulated.simulation.recording import trajectory_of
+from articulated.simulation.rollout import Plan, Rollout, Signals, World
 from articulated.simulation.state import State
-from articulated.trajectory import Outcome, Trajectory
-
-_LARGEST = 1e15
-"""A state with larger numbers than this has diverged: an angle has no sine any more that means anything."""
+from articulated.trajectory import Trajectory
 
 Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
 
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Moves a rig in time, under gravity, its joints' own damping and friction, a control and external wrenches.
+    """Moves a rig in time: gravity, ground, joint limits, drives, the joints' own damping and friction, a control and wrenches.
+
+    The integrator "semi_implicit" solves for all that is stiff or one-sided in each step: any stiffness, gain or damping is stable
+    at any dt, resting things rest, and impacts take no time. The others have order, and see ground, limits and drives as smooth
+    forces: for free flight, gentle contact and gradients, with a dt that resolves the stiffness given.
 
     Attributes:
         rig: the rig.
         dt: length of a step [s]; `run` shortens it so that frames fall on steps. The first step that dopri5 tries.
         gravity: acceleration of free fall, in the world, shape (3,) [m/s²].
-        integrator: "semi_implicit" (order 1, robust, damping implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5" (5,
+        ground: what it may touch; True is the plane z = 0, None or False is nothing.
+        contacts: the points of the rig that may touch the ground; None takes its collision shapes.
+        limits: whether joint limits are stops, or what stops they are.
+        actuation: drives of its joints; then a control is the configuration that they hold to.
+        integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5" (5,
             adaptive: each state has its own steps).
         substeps: steps in a control period: the control is asked for, and then held, that often.
+        tolerance: of the implicit step's solver: residual of the velocities, root mean square over the rig's mass [m/s].
         rtol, atol: relative and absolute tolerance of a step of dopri5.
         max_steps: of dopri5, for each state.
         threads: how many threads share a batch; None is as many as there are cores.
 
     Raises:
-        ValueError: a number is impossible or the integrator unknown.
+        ValueError: a number is impossible, the integrator or a link unknown, or drives do not fit the rig.
     """
 
     rig: Rig
     dt: float = 0.002
     gravity: ArrayLike = GRAVITY
+    ground: Ground | bool | None = None
+    contacts: Sequence[ContactPoint] | None = None
+    limits: Stops | bool = True
+    actuation: PD | None = None
     integrator: str = "semi_implicit"
     substeps: int = 1
+    tolerance: float = 1e-4
     rtol: float = 1e-6
     atol: float = 1e-9
     max_steps: int = 100_000
     threads: int | None = None
-    _gravity: tuple[float, float, float] = field(init=False, repr=False)
+    _world: World = field(init=False, repr=False)
 
     def __post_init__(self):
         if self.integrator not in INTEGRATORS:
             raise ValueError(f"integrator is {self.integrator!r}; expected one of {', '.join(INTEGRATORS)}")
-        for name in ("dt", "rtol", "atol"):
+        for name in ("dt", "tolerance", "rtol", "atol"):
             value = getattr(self, name)
             if not isinstance(value, (int, float, np.floating)) or not (math.isfinite(value) and value > 0.0):
                 raise ValueError(f"{name} is {value!r}; expected a positive number")
@@ -74,7 +88,8 @@ class Simulation:
         if gravity.shape != (3,):
             raise ValueError(f"gravity has shape {gravity.shape}; expected (3,)")
         check_threads(self.threads)
-        object.__setattr__(self, "_gravity", tuple(gravity.tolist()))
+        scene, like, numbers = described(self.rig, self.ground, self.contacts, self.limits, self.actuation, self.tolerance)
+        object.__setattr__(self, "_world", World(scene, self.integrator, like, numbers, tuple(gravity.tolist())))
 
     def reset(self, q: ArrayLike | None = None, v: ArrayLike | None = None) -> State:
         """A state at time 0.
@@ -93,9 +108,11 @@ class Simulation:
             batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1])
         except ValueError:
             raise ValueError(f"leading axes do not broadcast: q0 {q.shape}, v0 {v.shape}") from None
-        q = np.array(np.broadcast_to(q, (*batch, rig.nq)), dtype=float)
-        v = np.array(np.broadcast_to(v, (*batch, rig.nv)), dtype=float)
-        return State(0.0, q, v, np.zeros(batch))
+        dtype = np.float32 if q.dtype == v.dtype == np.float32 else np.float64
+        q = np.array(np.broadcast_to(q, (*batch, rig.nq)), dtype=dtype)
+        v = np.array(np.broadcast_to(v, (*batch, rig.nv)), dtype=dtype)
+        memory = np.zeros((*batch, INTEGRATORS[self.integrator].remembers(self._world.scene)), dtype=dtype)
+        return State(0.0, q, v, np.zeros(batch, dtype), memory)
 
     def step(self, state: State, control: Control = None, external: Control = None) -> State:
         """One control period, `substeps` steps of `dt`, on.
@@ -109,6 +126,8 @@ class Simulation:
         Raises:
             ValueError: an array does not fit the rig, is not finite, or does not broadcast with the state.
         """
+        if control is None and self._world.scene.drives is not None:
+            raise ValueError("control is None; with actuation, give the configuration that the drives are to hold, (..., nq)")
         rollout = self._rollout(state, control, external, 1, 1, self.dt * self.substeps)
         rollout.step()
         return replace(rollout.state(1), time=state.time + self.dt * self.substeps)
@@ -150,64 +169,32 @@ class Simulation:
         start = self.reset(q0, v0)
         batch = start.q.shape[:-1]
         periods = max(1, math.ceil(1.0 / (fps * self.dt * self.substeps) - 1e-9))  # control periods a frame
+        if control is None and self._world.scene.drives is not None:
+            control = start.q
         rollout = self._rollout(start, control, external, frames, periods, 1.0 / (fps * periods))
-        q, v, tau = (np.empty((*batch, frames + 1, n)) for n in (self.rig.nq, self.rig.nv, self.rig.nv))
-        work = np.empty((*batch, frames + 1))
+        arrays = [np.empty((*batch, frames + 1, *shape), start.q.dtype) for shape in rollout.recorded]
+        tau = np.empty((*batch, frames + 1, self.rig.nv))
         with _Bar(progress, frames + 1, self.rig.name) as advance_bar:
             for some in rollout.run():
-                these = slice(some.first, some.first + some.q.shape[-2])
-                q[..., these, :], v[..., these, :], tau[..., these, :] = some.q, some.v, some.tau
-                work[..., these] = some.work
-                advance_bar(some.q.shape[-2])
-        return self._trajectory(q, v, tau, work, np.arange(frames + 1) / fps, rollout)
+                these = slice(some.first, some.first + some.tau.shape[-2])
+                core = (Ellipsis, these)
+                for array, part, shape in zip(arrays, some.recorded, rollout.recorded, strict=True):
+                    array[(*core, *[slice(None)] * len(shape))] = part
+                tau[..., these, :] = some.tau
+                advance_bar(some.tau.shape[-2])
+        return trajectory_of(rollout, arrays, tau, fps)
 
     def _rollout(self, start: State, control: Control, external: Control, frames: int, periods: int, period: float) -> Rollout:
-        batch, total = start.work.shape, frames * periods
-        signals = (
-            Signal(self.rig, "control", (self.rig.nv,), batch, total, control),
-            Signal(self.rig, "external", (self.rig.nlinks, 6), batch, total, external),
+        batch, total, rig = start.work.shape, frames * periods, self.rig
+        drives = self._world.scene.drives is not None
+        signals = Signals(
+            Signal(rig, "control", (rig.nv,), batch, total, None if drives else control, start.q.dtype),
+            Signal(rig, "control", (rig.nq,), batch, total, control if drives else None, start.q.dtype),
+            Signal(rig, "external", (rig.nlinks, 6), batch, total, external, start.q.dtype),
         )
         times = Times(period, frames * periods * period, period / self.substeps, self.rtol, self.atol, self.max_steps)
         plan = Plan(frames, periods, self.substeps, times)
-        return Rollout(self.rig, self.integrator, self._gravity, start, *signals, plan, self.threads)
-
-    def _trajectory(
-        self, q: np.ndarray, v: np.ndarray, tau: np.ndarray, work: np.ndarray, time: np.ndarray, rollout: Rollout
-    ) -> Trajectory:
-        # a state that overflowed, or whose energy would, has none; this is said once, below
-        with np.errstate(invalid="ignore"):
-            finite = np.asarray((np.abs(q) < _LARGEST).all(axis=-1) & (np.abs(v) < _LARGEST).all(axis=-1))
-        sound_q = np.where(finite[..., None], q, self.rig.neutral())
-        sound_v = np.where(finite[..., None], v, 0.0)
-        kinetic = np.where(finite, kinetic_energy(self.rig, sound_q, sound_v), np.nan)
-        potential = np.where(finite, potential_energy(self.rig, sound_q, self.gravity), np.nan)
-        outcome = np.where(finite.all(axis=-1), np.int8(Outcome.COMPLETED), np.int8(Outcome.DIVERGED))
-        if (reached := rollout.reached()) is not None:
-            t, failed = reached
-            stopped = np.where(failed, np.int8(Outcome.STEP_TOO_SMALL), np.int8(Outcome.STEP_LIMIT))
-            outcome = np.where(t >= rollout.plan.times.end, outcome, stopped)
-        settings = {"integrator": self.integrator, "dt": rollout.plan.times.h, "substeps": self.substeps}
-        if self.integrator == "dopri5":
-            settings |= {"rtol": self.rtol, "atol": self.atol}
-        trajectory = Trajectory(
-            rig=self.rig,
-            time=time,
-            q=q,
-            v=v,
-            tau=tau,
-            kinetic_energy=kinetic,
-            potential_energy=potential,
-            work=work,
-            outcome=np.asarray(outcome),
-            settings=settings,
-        )
-        for outcome, count in trajectory.report.outcomes.items():
-            if outcome is not Outcome.COMPLETED:
-                text = (
-                    f"{count} of {trajectory.outcome.size} states of rig {self.rig.name!r}: {outcome.label}; {outcome.remedy}"
-                )
-                warnings.warn(text, RuntimeWarning, stacklevel=3)
-        return trajectory
+        return Rollout(self._world, start, signals, plan, self.threads)
 
 
 def simulate(rig: Rig, duration: float = 5.0, *, q0=None, v0=None, fps: float = 60.0, control=None, **settings) -> Trajectory:

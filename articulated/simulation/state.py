@@ -16,9 +16,11 @@ class State:
         q: configurations, shape (..., nq).
         v: generalized velocities, shape (..., nv).
         work: done since the start by all forces but weight, shape (...) [J].
+        memory: what the method carries on besides, such as where contacts hold, shape (..., n); see `Simulation.contacts`.
     """
 
     time: float
     q: np.ndarray
     v: np.ndarray
     work: np.ndarray
+    memory: np.ndarray

@@ -1,0 +1,65 @@
+"""Ground, stops and drives as smooth forces of position and velocity, for methods that look for a smooth right side.
+
+The laws are those of the implicit step, at the present position and velocity: Hunt and Crossley's k x (1 + d ẋ) along the normal,
+friction μ f u/√(u² + ε²) across it, which creeps where the step's anchors hold; and no restitution but what d leaves.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from articulated.dynamics.tree import Tree, force_at, in_world, tree
+from articulated.scalar import Scalar, maximum, minimum, sqrt
+from articulated.simulation.contact.gaps import gaps
+from articulated.simulation.implicit.terms import SLIP_SPEED
+from articulated.simulation.scene import Numbers, Scene
+from articulated.spatial import Force, Vec3
+
+
+@dataclass(frozen=True, eq=False)
+class Given:
+    """What the scene gives: generalized forces, forces on bodies in their own axes, and the power of the latter."""
+
+    tau: list[Scalar]
+    on_bodies: list[Force | None]
+    power: Scalar
+
+
+def compliance(scene: Scene, numbers: Numbers, q: Sequence[Scalar], v: Sequence[Scalar], errors: Sequence[Scalar]) -> Given:
+    """What it gives at q and v, for drives that are so far from their targets."""
+    m = scene.mechanism
+    tau: list[Scalar] = [0.0] * m.nv
+    for s, room in scene.room(q).items():
+        stiffness, dissipation = numbers.stop_stiffness / scene.joint_felt(s), numbers.stop_dissipation
+        low, high = (_push(gap, u, stiffness, dissipation) for gap, u in ((room[0], v[s]), (room[1], -v[s])))
+        tau[s] = tau[s] + low - high
+    for k, s in enumerate(scene.drives.coordinates if scene.drives else ()):
+        wanted = numbers.drives.stiffness[k] * errors[k] - numbers.drives.damping[k] * v[s]
+        if scene.drives.limited:
+            limit = numbers.drives.limit[k]
+            wanted = maximum(minimum(wanted, limit), -limit)
+        tau[s] = tau[s] + wanted
+    on_bodies: list[Force | None] = [None] * m.nbodies
+    return _touched(scene, numbers, tree(m, q), v, Given(tau, on_bodies, 0.0)) if scene.touches else Given(tau, on_bodies, 0.0)
+
+
+def _touched(scene: Scene, numbers: Numbers, now: Tree, v: Sequence[Scalar], given: Given) -> Given:
+    V, power = now.velocities(in_world(now, v)), given.power
+    for n, gap in enumerate(gaps(scene, now)):
+        material, body = numbers.materials[scene.material_of[n]], scene.body_of(n)
+        u = V[body].linear + V[body].angular.cross(gap.point) - Vec3.of(scene.velocity)
+        un = gap.normal.dot(u)
+        push = _push(gap.size, un, material.stiffness, material.dissipation)
+        across = u - gap.normal * un
+        rub = material.friction * push / sqrt(across.dot(across) + SLIP_SPEED * SLIP_SPEED)
+        f = gap.normal * push - across * rub
+        power = power + f.dot(u + Vec3.of(scene.velocity))
+        force = now.X[body].force_to_child(force_at(gap.point, f, Vec3.zero()))
+        so_far = given.on_bodies[body]
+        given.on_bodies[body] = force if so_far is None else so_far + force
+    return Given(given.tau, given.on_bodies, power)
+
+
+def _push(gap: Scalar, u: Scalar, stiffness: Scalar, dissipation: Scalar) -> Scalar:
+    return stiffness * maximum(-gap, 0.0) * maximum(1.0 - dissipation * u, 0.0)

@@ -1,0 +1,69 @@
+"""What each coordinate's momentum would be at the end of a step, but for what is implicit: the right side p of A v = p.
+
+No velocity products: a body carries its momentum over from the configuration that it had a step ago, q ⊖ h v, and that momentum
+is seen along today's S. Its centre of mass moves straight and its spin stays, whatever the joints do, so nothing blows up that
+turns fast and weighs little. To first order this is M v − h C(q, v) v.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from articulated.dynamics.configuration import integrate
+from articulated.dynamics.mechanism import WORLD, Mechanism
+from articulated.dynamics.tree import Tree, center_of_mass, force_at, in_world, tree
+from articulated.scalar import Scalar
+from articulated.simulation.forces import Forces
+from articulated.spatial import Force, RigidInertia, Sym3, Vec3
+
+
+def momenta(now: Tree, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces, h: Scalar) -> list[Force]:
+    """F: of each body, about O: what it had a step ago, and what gravity and external wrenches give it in this one.
+
+    Args:
+        now: the tree at q.
+        q, v: where it is, and the velocities that brought it there.
+        forces: what acts.
+        h: length of the step, and of the one before.
+    """
+    mechanism = now.mechanism
+    before = tree(mechanism, previous(mechanism, q, v, h))
+    # a free root's velocity is the same in world axes a step ago
+    V = before.velocities(in_world(now, v))
+    fall = Vec3.of(forces.gravity) * h
+    F: list[Force] = []
+    for i, inertia in enumerate(mechanism.inertia):
+        R_WB = before.X[i].R
+        at_center = V[i].linear + V[i].angular.cross(before.center(i))
+        linear = (at_center + fall) * inertia.mass
+        spin = R_WB @ (_about_center(inertia) @ R_WB.transpose_times(V[i].angular))
+        F.append(force_at(now.center(i), linear, spin))
+    for (i, X_BL), wrench in zip(mechanism.links, forces.external or (), strict=bool(forces.external)):
+        if i != WORLD:
+            linear, couple = Vec3.of(wrench[:3]) * h, Vec3.of(wrench[3:]) * h
+            F[i] = F[i] + force_at(now.X[i].transform_point(X_BL.p), linear, couple)
+    return F
+
+
+def along_coordinates(now: Tree, F: Sequence[Force]) -> list[Scalar]:
+    """Σ Sᵀ F over each coordinate's subtree."""
+    mechanism, total = now.mechanism, list(F)
+    p: list[Scalar] = [0.0] * mechanism.nv
+    for i in reversed(range(mechanism.nbodies)):
+        for column, s in zip(now.S[i], mechanism.joints[i].v, strict=True):
+            p[s] = p[s] + column.dot(total[i])
+        if (parent := mechanism.parent[i]) != WORLD:
+            total[parent] = total[parent] + total[i]
+    return p
+
+
+def previous(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], h: Scalar) -> list[Scalar]:
+    """q ⊖ h v."""
+    return integrate(mechanism, q, [-(h * x) for x in v])
+
+
+def _about_center(inertia: RigidInertia) -> Sym3:
+    """The rotational inertia of a body about its centre of mass."""
+    h, c = inertia.h, center_of_mass(inertia)
+    x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
+    return inertia.J - Sym3(y + z, -h.x * c.y, -h.x * c.z, x + z, -h.y * c.z, x + y)

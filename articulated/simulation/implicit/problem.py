@@ -1,0 +1,86 @@
+"""What a step has to solve: the terms that act, and the linear part, A v = p.
+
+The linear part has in A, besides the mass matrix, what damping and unlimited drives add: armature + h d + h² p for gains p and d.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from articulated.scalar import Scalar, minimum
+from articulated.simulation.contact.gaps import Gap, tangents
+from articulated.simulation.forces import Forces
+from articulated.simulation.implicit.laws import Cone, Drive, Hinge
+from articulated.simulation.implicit.stance import Stance, Standing, rubbing
+from articulated.simulation.implicit.terms import NEAR_RIGID, SLIP_SPEED, Contact, JointTerm
+from articulated.simulation.scene import Numbers, Scene
+from articulated.spatial import Vec3
+
+ANCHORING = 0.2
+"""The part of an anchor's stretch that a step would undo."""
+
+
+def contacts(scene: Scene, gaps: Sequence[Gap], stance: Stance, numbers: Numbers, h: Scalar) -> list[Contact]:
+    """Of all gaps, open ones too: a step may close them."""
+    result = []
+    for n, (gap, anchor) in enumerate(zip(gaps, stance.anchors, strict=True)):
+        material, w = numbers.materials[scene.material[scene.candidate_of(n)]], scene.felt(n)
+        a, b = tangents(scene.surface_of(n))
+        result.append(
+            Contact(
+                body=scene.body_of(n),
+                r=gap.point,
+                n=gap.normal,
+                hinge=hinge(gap.size, material.stiffness, material.dissipation, w, h),
+                anchor=(a * anchor[0] + b * anchor[1]) * (ANCHORING / h),
+                ground=Vec3.of(scene.velocity),
+                friction=material.friction,
+                w=w,
+            )
+        )
+    return result
+
+
+def hinge(gap: Scalar, stiffness: Scalar, dissipation: Scalar, w: float, h: Scalar) -> Hinge:
+    """The law of a stop that is so far away, no harder than a step can follow where an impulse gives so much velocity."""
+    mass = minimum(h * h * stiffness, NEAR_RIGID / w)
+    return Hinge(-(gap * mass) / h, mass, dissipation)
+
+
+def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:
+    """Stops, limited drives and dry friction, one term for each coordinate that has any of them."""
+    m, numbers = scene.mechanism, forces.numbers
+    stops: dict[int, tuple[tuple[float, Hinge], ...]] = {}
+    for s, (below, above) in scene.room(start.q).items():
+        w = scene.joint_felt(s)
+        ends = ((1.0, below), (-1.0, above))
+        stops[s] = tuple((sign, hinge(room, numbers.stop_stiffness / w, numbers.stop_dissipation, w, h)) for sign, room in ends)
+    motors: dict[int, Drive] = {}
+    if scene.drives and scene.drives.limited:
+        for k, (s, (c, b)) in enumerate(zip(scene.drives.coordinates, drives(start, forces, h), strict=True)):
+            motors[s] = Drive(c, b, numbers.drives.limit[k] * h)
+    dry: dict[int, tuple[Cone, Scalar]] = {}
+    for s, slack in zip(rubbing(m), start.stance.slack, strict=True):
+        dry[s] = Cone(h * m.friction[s], SLIP_SPEED), slack * (ANCHORING / h)
+    acted = sorted({*stops, *motors, *dry})
+    return [JointTerm({s: 1.0}, stops.get(s, ()), motors.get(s), dry.get(s), scene.joint_felt(s)) for s in acted]
+
+
+def drives(start: Standing, forces: Forces, h: Scalar) -> list[tuple[Scalar, Scalar]]:
+    """c and b of each drive, which gives the impulse c − b v."""
+    gains = forces.numbers.drives
+    return [
+        (h * p * error, h * (d + h * p))
+        for p, d, error in zip(gains.stiffness, gains.damping, forces.errors(start.q), strict=True)
+    ]
+
+
+def linear_part(start: Standing, v: Sequence[Scalar], forces: Forces, h: Scalar) -> tuple[list[Scalar], list[Scalar]]:
+    """What joints add to p and to the diagonal of A; without stops, limited drives and dry friction."""
+    m, scene = forces.mechanism, forces.scene
+    p = [a * x + h * t for a, x, t in zip(m.armature, v, forces.tau, strict=True)]
+    mass = [a + h * d for a, d in zip(m.armature, m.damping, strict=True)]
+    if scene.drives and not scene.drives.limited:
+        for s, (c, b) in zip(scene.drives.coordinates, drives(start, forces, h), strict=True):
+            p[s], mass[s] = p[s] + c, mass[s] + b
+    return p, mass

@@ -1,0 +1,55 @@
+"""What a motion with contact carries from step to step besides q and v."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from articulated.dynamics.mechanism import Mechanism
+from articulated.scalar import Scalar
+from articulated.simulation.scene import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class Stance:
+    """See above.
+
+    Attributes:
+        anchors: of each contact, how far it has been dragged along the ground while it held [m], along two tangents.
+        slack: likewise of each coordinate with dry friction [rad or m].
+        contact_forces: of each contact in the last step, in the world [N].
+        efforts: what drives gave in the last step [N m or N].
+        residual: the largest of the solver so far [m/s].
+        failures: steps so far in which the solver did not reach its tolerance.
+        sweeps: it has taken so far.
+    """
+
+    anchors: list[list[Scalar]]
+    slack: list[Scalar]
+    contact_forces: list[list[Scalar]]
+    efforts: list[Scalar]
+    residual: Scalar
+    failures: Scalar
+    sweeps: Scalar
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Where a motion is, with its stance."""
+
+    q: list[Scalar]
+    v: list[Scalar]
+    work: Scalar
+    stance: Stance
+
+
+def unmoved(scene: Scene) -> Stance:
+    """The stance of a rig that has touched nothing yet."""
+    n, dry = scene.touches, rubbing(scene.mechanism)
+    drives = scene.drives.coordinates if scene.drives else ()
+    anchors, pushes = [[0.0] * 2 for _ in range(n)], [[0.0] * 3 for _ in range(n)]
+    return Stance(anchors, [0.0] * len(dry), pushes, [0.0] * len(drives), 0.0, 0.0, 0.0)
+
+
+def rubbing(mechanism: Mechanism) -> list[int]:
+    """Coordinates with dry friction."""
+    return [s for s, friction in enumerate(mechanism.friction) if friction > 0.0]

@@ -1,0 +1,65 @@
+"""From frames to a trajectory."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from articulated.dynamics.functions import kinetic_energy, potential_energy
+from articulated.simulation.rollout import Rollout
+from articulated.trajectory import Outcome, Trajectory
+
+_LARGEST = 1e15
+"""A state with larger numbers than this has diverged: an angle has no sine any more that means anything."""
+
+
+def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarray, fps: float) -> Trajectory:
+    """The trajectory of a rollout that has ended.
+
+    Args:
+        rollout: which.
+        arrays: what was recorded, as it lists.
+        tau: generalized forces of the control, shape (..., T, nv).
+        fps: frames a second.
+    """
+    world, rig = rollout.world, rollout.rig
+    q, v, work = (array.astype(float, copy=False) for array in arrays[:3])
+    # a state that overflowed, or whose energy would, has none; this is said once, below
+    with np.errstate(invalid="ignore"):
+        finite = np.asarray((np.abs(q) < _LARGEST).all(axis=-1) & (np.abs(v) < _LARGEST).all(axis=-1))
+    sound_q = np.where(finite[..., None], q, rig.neutral())
+    sound_v = np.where(finite[..., None], v, 0.0)
+    kinetic = np.where(finite, kinetic_energy(rig, sound_q, sound_v), np.nan)
+    potential = np.where(finite, potential_energy(rig, sound_q, world.gravity), np.nan)
+    outcome = np.where(finite.all(axis=-1), np.int8(Outcome.COMPLETED), np.int8(Outcome.DIVERGED))
+    times = rollout.plan.times
+    if (reached := rollout.reached()) is not None:
+        t, failed = reached
+        stopped = np.where(failed, np.int8(Outcome.STEP_TOO_SMALL), np.int8(Outcome.STEP_LIMIT))
+        outcome = np.where(t >= times.end, outcome, stopped)
+    settings: dict[str, str | float | int] = {"integrator": world.integrator, "dt": times.h, "substeps": rollout.plan.substeps}
+    if world.integrator == "dopri5":
+        settings |= {"rtol": times.rtol, "atol": times.atol}
+    shown = dict(zip(rollout.shown, arrays[3:], strict=True))
+    if (efforts := shown.get("efforts")) is not None and rollout.scene.drives is not None:
+        tau = tau.copy()
+        tau[..., list(rollout.scene.drives.coordinates)] = efforts
+    trajectory = Trajectory(
+        rig=rig,
+        time=np.arange(q.shape[-2]) / fps,
+        q=q,
+        v=v,
+        tau=tau,
+        kinetic_energy=kinetic,
+        potential_energy=potential,
+        work=work,
+        outcome=np.asarray(outcome),
+        settings=settings,
+    )
+    for outcome, count in trajectory.report.outcomes.items():
+        if outcome is not Outcome.COMPLETED:
+            text = f"{count} of {trajectory.outcome.size} states of rig {rig.name!r}: {outcome.label}; {outcome.remedy}"
+            warnings.warn(text, RuntimeWarning, stacklevel=4)
+    return trajectory

@@ -1,0 +1,169 @@
+"""All that decides how a rig moves but the state and the forces: what a step is compiled from.
+
+What is compiled in is structure: the rig, where it may touch, what kinds of ground and of drives there are. Numbers that users
+turn, such as friction and gains, are arguments of what was compiled: changing them costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from articulated.compiler import evaluate
+from articulated.dynamics.mass_matrix import mass_matrix
+from articulated.dynamics.mechanism import Mechanism, content, mechanism
+from articulated.dynamics.tree import Tree, tree
+from articulated.rig import Rig
+from articulated.scalar import Scalar
+from articulated.simulation.contact.candidates import Candidate
+from articulated.simulation.contact.ground import Surface
+from articulated.spatial import Vec3
+
+_UNLIMITED = 1e6
+"""A position limit beyond this [rad or m] is a file's way to say that there is none."""
+
+
+@dataclass(frozen=True)
+class Drives:
+    """Which coordinates have a proportional-derivative drive, and whether its torque is limited."""
+
+    coordinates: tuple[int, ...]
+    limited: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """See above.
+
+    Attributes:
+        rig: the rig.
+        surfaces: of the ground.
+        candidates: what may touch it.
+        material: for each candidate which of the materials is its own.
+        materials: how many there are.
+        velocity: of the ground.
+        rebounds: whether any material has a restitution.
+        stops: whether joint limits are stops.
+        drives: what moves joints, or None.
+    """
+
+    rig: Rig
+    surfaces: tuple[Surface, ...] = ()
+    candidates: tuple[Candidate, ...] = ()
+    material: tuple[int, ...] = ()
+    materials: int = 0
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rebounds: bool = False
+    stops: bool = False
+    drives: Drives | None = None
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        return mechanism(self.rig)
+
+    @cached_property
+    def content(self) -> bytes:
+        """All that it is made of: scenes of equal content move alike."""
+        parts = self.surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
+        limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
+        return repr((*parts, self.drives, limits)).encode() + content(self.rig)
+
+    @property
+    def touches(self) -> int:
+        """How many contacts there can be: each candidate's with each surface, surfaces counting faster."""
+        return len(self.candidates) * len(self.surfaces)
+
+    def candidate_of(self, n: int) -> int:
+        """Of the n-th contact."""
+        return n // len(self.surfaces)
+
+    def surface_of(self, n: int) -> Surface:
+        """Of the n-th contact."""
+        return self.surfaces[n % len(self.surfaces)]
+
+    def body_of(self, n: int) -> int:
+        """Of the n-th contact."""
+        return self.mechanism.links[self.candidates[self.candidate_of(n)].link][0]
+
+    @cached_property
+    def stopped(self) -> list[int]:
+        """Coordinates with position limits that are enforced."""
+        if not self.stops:
+            return []
+        inside = (self.rig.lower > -_UNLIMITED) | (self.rig.upper < _UNLIMITED)
+        return np.flatnonzero(inside).tolist()
+
+    def room(self, q: Sequence[Scalar]) -> dict[int, tuple[Scalar, Scalar]]:
+        """For each of these, how far it is from its lower and from its upper limit."""
+        lower, upper = self.rig.lower, self.rig.upper
+        at = {s: k for j in self.mechanism.own_joints() if len(j.q) == len(j.v) for s, k in zip(j.v, j.q, strict=True)}
+        return {s: (q[at[s]] - float(lower[s]), float(upper[s]) - q[at[s]]) for s in self.stopped}
+
+    def felt(self, n: int) -> float:
+        """How much velocity an impulse at the n-th contact gives, on average over directions, where the rig is neutral [1/kg]."""
+        m, now, candidate = self.mechanism, self._neutral, self.candidates[self.candidate_of(n)]
+        body, X_BL = m.links[candidate.link]
+        r = np.array(list((now.X[body] @ X_BL).transform_point(Vec3.of(candidate.center))))
+        J = np.zeros((3, m.nv))
+        for i in m.support(body):
+            for column, s in zip(now.S[i], m.joints[i].v, strict=True):
+                J[:, s] += np.array(list(column.linear)) + np.cross(list(column.angular), r)
+        return float(np.linalg.norm(np.diag(J @ self._inverse_mass @ J.T)) / np.sqrt(3.0))
+
+    def joint_felt(self, s: int) -> float:
+        """Likewise a coordinate's own [1/kg or 1/(kg m²)]."""
+        return float(self._inverse_mass[s, s])
+
+    @cached_property
+    def _neutral(self) -> Tree:
+        return tree(self.mechanism, self.rig.neutral().tolist())
+
+    @cached_property
+    def _inverse_mass(self) -> np.ndarray:
+        """M⁻¹ where the rig is neutral; a free root's axes are the world's there."""
+        m = self.mechanism
+        M = np.empty((m.nv, m.nv))
+        evaluate(lambda q: mass_matrix(m, q), [(self.rig.neutral(), 1)], M, ())
+        return np.linalg.inv(M)
+
+
+@dataclass(frozen=True)
+class MaterialNumbers:
+    """Of a `Material`, its stiffness filled in."""
+
+    friction: Scalar
+    restitution: Scalar
+    stiffness: Scalar
+    dissipation: Scalar
+
+
+@dataclass(frozen=True)
+class DriveNumbers:
+    """Gains and limits of each drive."""
+
+    stiffness: list[Scalar] = field(default_factory=list)
+    damping: list[Scalar] = field(default_factory=list)
+    limit: list[Scalar] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The numbers that users turn.
+
+    Attributes:
+        materials: of each.
+        stop_stiffness: of joint limits, over the inertia that is felt there [1/s²].
+        stop_dissipation, stop_restitution: of joint limits.
+        drives: of each drive.
+        tolerance: of the solver [m/s].
+    """
+
+    materials: list[MaterialNumbers] = field(default_factory=list)
+    stop_stiffness: Scalar = 0.0
+    stop_dissipation: Scalar = 0.0
+    stop_restitution: Scalar = 0.0
+    drives: DriveNumbers = field(default_factory=DriveNumbers)
+    tolerance: Scalar = 1e-4
