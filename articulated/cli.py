@@ -111,7 +111,10 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
     add("--duration", type=_positive(float), default=5.0, metavar="S", help="seconds (default 5)")
     add("--fps", type=_positive(float), default=60.0, help="frames a second (default 60)")
     add("--dt", type=_positive(float), default=0.002, metavar="S", help="longest step, seconds (default 0.002)")
-    add("--integrator", choices=list(art.INTEGRATORS), default="semi_implicit", help="default semi_implicit")
+    add("--integrator", choices=list(art.INTEGRATORS), help="default semi_implicit, or rk4 for what swings freely")
+    add("--ground", action="store_true", help="let it touch the plane through the origin, across gravity")
+    add("--friction-of-ground", type=_zero_or_more, default=0.9, metavar="MU", help="Coulomb's coefficient (default 0.9)")
+    add("--free-joints", action="store_true", help="do not enforce joint limits")
     add("--rtol", type=_positive(float), default=1e-6, help="relative tolerance of dopri5 (default 1e-6)")
     add("--gravity", type=float, nargs=3, default=art.GRAVITY, metavar=("X", "Y", "Z"), help=_GRAVITY_HELP)
     add("--pose", action="append", default=[], metavar="JOINT=VALUE[,VALUE…]", help="start there: rad or m, or 90deg")
@@ -153,7 +156,14 @@ def _simulate(options: argparse.Namespace) -> int:
     _assign(rig, q0, options.pose, "--pose", lambda joint: joint.q_slice)
     _assign(rig, v0, options.velocity, "--velocity", lambda joint: joint.v_slice)
     simulation = art.Simulation(
-        rig, dt=options.dt, gravity=options.gravity, integrator=options.integrator, rtol=options.rtol, atol=options.rtol * 1e-3
+        rig,
+        dt=options.dt,
+        gravity=options.gravity,
+        ground=_ground(options),
+        limits=not options.free_joints,
+        integrator=options.integrator,
+        rtol=options.rtol,
+        atol=options.rtol * 1e-3,
     )
     began = time.perf_counter()
     trajectory = simulation.run(q0, v0, options.duration, options.fps, progress=not options.quiet)
@@ -165,6 +175,13 @@ def _simulate(options: argparse.Namespace) -> int:
         if not options.quiet:
             print(f"wrote {path}")
     return OK if trajectory.report else BAD_RESULT
+
+
+def _ground(options: argparse.Namespace) -> art.Ground | None:
+    if not options.ground:
+        return None
+    up = [-x for x in options.gravity] if any(options.gravity) else (0.0, 0.0, 1.0)
+    return art.Ground(art.Plane((up[0], up[1], up[2])), friction=options.friction_of_ground)
 
 
 def _write(trajectory: art.Trajectory, path: str) -> None:
@@ -261,6 +278,13 @@ def _positive(kind: Callable[[str], float]) -> Callable[[str], float]:
 
     parse.__name__ = kind.__name__
     return parse
+
+
+def _zero_or_more(text: str) -> float:
+    value = float(text)
+    if not (math.isfinite(value) and value >= 0.0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number, zero or more")
+    return value
 
 
 def _range(part: slice) -> str:

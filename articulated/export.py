@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +14,15 @@ from articulated.compiler.c_source import declaration, definition, identifier, p
 from articulated.dynamics.boundary import GRAVITY, Argument, checked
 from articulated.dynamics.functions import programs
 from articulated.rig import Rig
-from articulated.scalar import Nested
+from articulated.scalar import Nested, rebuilt
+from articulated.simulation.describe import described
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.stance import Standing, unmoved
 from articulated.simulation.implicit.step import semi_implicit_step
-from articulated.simulation.scene import Scene
 from articulated.trajectory.files import written
+
+_TOLERANCE = 1e-4
+"""Of the step's solver [m/s]: a Simulation's."""
 
 
 def export_c(
@@ -32,8 +36,10 @@ def export_c(
     """Write a rig's dynamics as C99: a header, a source, and an example that uses them.
 
     The functions take and give plain arrays, as their namesakes here take and give one state, and allocate nothing. `step` is a
-    step of the semi-implicit method: from q, v, tau and h to q and v. They compute what their namesakes here compute to the
-    last bit, if the compiler does not contract products and sums on its own (`-std=c99`, or `-ffp-contract=off`).
+    step of the semi-implicit method, with joint limits: from q, v, tau and h to q and v. If joints have dry friction, it also
+    takes and gives `slack`, zeros at first: how far each of them has given way while it held. They compute what their namesakes
+    here compute to the last bit, if the compiler does not contract products and sums on its own (`-std=c99`, or
+    `-ffp-contract=off`).
 
     Args:
         rig: the rig.
@@ -73,13 +79,22 @@ def export_c(
 
 
 def _step(rig: Rig, gravity: tuple[float, ...]) -> Program:
-    def write(tape: Tape, q: Nested, v: Nested, tau: Nested, h: Nested) -> list[Nested]:
-        scene = Scene(rig)
-        end = semi_implicit_step(Standing(q, v, 0.0, unmoved(scene)), Forces(scene, tau, None, gravity), h)
-        return [end.q, end.v]
+    scene, like, numbers = described(rig, None, None, True, None, _TOLERANCE)
+    rubs = len(unmoved(scene).slack)
 
-    arguments = (Array("q", (rig.nq,)), Array("v", (rig.nv,)), Array("tau", (rig.nv,)), Array("h"))
-    return Program("step", b"", arguments, (Array("q_next", (rig.nq,)), Array("v_next", (rig.nv,))), write)
+    def write(tape: Tape, q: Nested, v: Nested, *rest: Nested) -> list[Nested]:
+        slack, (tau, h, values) = rest[:-3], rest[-3:]
+        given = rebuilt(like, iter(values))
+        stance = replace(unmoved(scene), slack=[x for part in slack for x in part])
+        end = semi_implicit_step(Standing(q, v, 0.0, stance), Forces(scene, tau, None, gravity, given), h)
+        return [end.q, end.v, end.stance.slack][: 3 if rubs else 2]
+
+    arguments = [Array("q", (rig.nq,)), Array("v", (rig.nv,)), Array("slack", (rubs,)), Array("tau", (rig.nv,)), Array("h")]
+    arguments.append(Array("numbers", numbers.shape))
+    results = [Array("q_next", (rig.nq,)), Array("v_next", (rig.nv,)), Array("slack_next", (rubs,))]
+    if not rubs:
+        arguments, results = [a for a in arguments if a.name != "slack"], results[:2]
+    return Program("step", b"", tuple(arguments), tuple(results), write, constants={"numbers": numbers.tolist()})
 
 
 def _header(rig: Rig, prefix: str, chosen: Sequence[Program], single: bool) -> str:
@@ -127,13 +142,14 @@ def _example(rig: Rig, prefix: str, program: Program, single: bool) -> str:
     real = "float" if single else "double"
     values = {"q": rig.neutral(), "q0": rig.neutral(), "q1": rig.neutral(), "h": np.array([0.001])}
     lines = []
-    for array in program.arguments:
+    given = [array for array in program.arguments if array.name not in program.constants]
+    for array in given:
         numbers = values.get(array.name, np.zeros(max(1, array.size)))
         lines.append(f"    {real} {array.name}[] = {{{', '.join(repr(float(x)) for x in np.atleast_1d(numbers))}}};")
     last = program.results[-1]
     for array in program.results:
         lines.append(f"    {real} {array.name}[{max(1, array.size)}];")
-    names = ", ".join(array.name for array in (*program.arguments, *program.results))
+    names = ", ".join(array.name for array in (*given, *program.results))
     return f"""/* cc -std=c99 -O2 example.c {prefix}.c -o example && ./example */
 #include <stdio.h>
 #include "{prefix}.h"

@@ -59,12 +59,29 @@ def test_step(tmp_path, rng):
     library = built(rig, tmp_path, ["step"], ["-mfma"])
     simulation = art.Simulation(rig, dt=0.001)
     state = simulation.reset(rig.random(rng), rng.normal(size=rig.nv))
+    slack = np.zeros(np.count_nonzero(rig.friction))
     for _ in range(20):
         tau, h = rng.normal(size=rig.nv), np.array(0.001)
+        q, v, slack_next = np.empty(rig.nq), np.empty(rig.nv), np.empty(len(slack))
+        arrays = state.q, state.v, slack, tau, h, q, v, slack_next
+        library.ragdoll_step(*(ctypes.c_void_p(a.ctypes.data) for a in arrays))
+        state, slack = simulation.step(state, tau), slack_next
+        assert (q.tobytes(), v.tobytes()) == (state.q.tobytes(), state.v.tobytes())
+
+
+def test_step_without_friction(tmp_path, rng):
+    """Into joint limits and out again."""
+    rig = art.load("ragdoll", root="free").with_joints(damping=0.5)
+    library = built(rig, tmp_path, ["step"], ["-mfma"])
+    simulation = art.Simulation(rig, dt=0.002)
+    state = simulation.reset(rig.random(rng), 3.0 * rng.normal(size=rig.nv))
+    for _ in range(100):
+        tau, h = np.zeros(rig.nv), np.array(0.002)
         q, v = np.empty(rig.nq), np.empty(rig.nv)
         library.ragdoll_step(*(ctypes.c_void_p(a.ctypes.data) for a in (state.q, state.v, tau, h, q, v)))
         state = simulation.step(state, tau)
         assert (q.tobytes(), v.tobytes()) == (state.q.tobytes(), state.v.tobytes())
+    assert state.memory[-1] > 110  # joints did meet their limits
 
 
 @pytest.mark.parametrize("single", [False, True])

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from articulated.compiler.graph import MASKS
 from articulated.compiler.ir import Format
 from articulated.compiler.program import Program, Tape
-from articulated.compiler.schedule import Chunk, Read, Schedule, Write, schedule
+from articulated.compiler.schedule import Chunk, Exit, Item, Read, Repeat, Schedule, Write, schedule
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "and": "&"}
 _CALLS = {"sqrt": "art_sqrt", "abs": "art_abs", "power2": "art_power2", "exponent": "art_exponent", "fraction": "art_fraction"}
@@ -39,40 +39,74 @@ def prelude(single: bool) -> str:
 def declaration(program: Program, prefix: str, single: bool) -> str:
     """The prototype of a program's function, without the semicolon."""
     real = "float" if single else "double"
-    parts = [f"const {real} {array.name}[{max(1, array.size)}]" for array in program.arguments]
+    given = [array for array in program.arguments if array.name not in program.constants]
+    parts = [f"const {real} {array.name}[{max(1, array.size)}]" for array in given]
     parts += [f"{real} {array.name}[{max(1, array.size)}]" for array in program.results]
     return f"void {prefix}_{program.name}({', '.join(parts)})"
 
 
 def definition(program: Program, prefix: str, single: bool) -> str:
-    """The function of a program without loops, and those that it is made of."""
+    """The function of a program, and those that it is made of."""
     tape = Tape(program, single)
     plan = schedule(tape.graph, tape.outputs, None, 1)
-    printer = _Printer(plan, program, single)
-    name = f"{prefix}_{program.name}"
-    parts, calls = [], []
-    for item in plan.items:
-        if isinstance(item, Chunk):
-            part = f"{name}_{len(parts)}"
-            parts.append(f"static void {part}({printer.real} *s)\n{{\n{printer.chunk(item)}}}\n")
-            calls.append(f"    {part}(s);")
-        elif isinstance(item, Read):
-            array = program.arguments[item.array].name
-            calls += [f"    s[{plan.slot(i)}] = {array}[{k}];" for k, i in item.scalars]
-        elif isinstance(item, Write):
-            array = program.results[item.array].name
-            calls += [f"    {array}[{k}] = {printer.value(i, set())};" for k, i in item.scalars]
-        else:
-            raise ValueError(f"{program.name} has loops; functions without them can be printed as C")
+    printer = _Printer(plan, program, f"{prefix}_{program.name}", single)
+    calls = printer.statements(plan.items)
     head = [declaration(program, prefix, single), "{", f"    {printer.real} s[{max(1, plan.size)}];"]
+    for constant, values in program.constants.items():
+        head.append(f"    static const {printer.real} {constant}[] = {{{', '.join(map(printer.constant, values))}}};")
     unused = [f"    (void){array.name};" for array in program.arguments if array.name not in "\n".join(calls)]
-    return "\n".join([*parts, *head, *unused, "    (void)s;", *calls, "}", ""])
+    return "\n".join([*printer.parts, *head, *unused, "    (void)s;", *calls, "}", ""])
 
 
 class _Printer:
-    def __init__(self, plan: Schedule, program: Program, single: bool):
-        self.plan, self.single = plan, single
+    """Of one program.
+
+    Attributes:
+        parts: the functions that it has been divided into so far.
+    """
+
+    def __init__(self, plan: Schedule, program: Program, name: str, single: bool):
+        self.plan, self.program, self.name, self.single = plan, program, name, single
         self.real = "float" if single else "double"
+        self.parts: list[str] = []
+
+    def statements(self, items: Sequence[Item]) -> list[str]:
+        """What the items do, one statement a line."""
+        lines: list[str] = []
+        for item in items:
+            if isinstance(item, Chunk):
+                if item.nodes or item.copies:
+                    part = f"{self.name}_{len(self.parts)}"
+                    body = self.chunk(item) + self.copies(item)
+                    self.parts.append(f"static void {part}({self.real} *s)\n{{\n{body}}}\n")
+                    lines.append(f"{part}(s);")
+            elif isinstance(item, Read):
+                array = self.program.arguments[item.array].name
+                lines += [f"s[{self.plan.slot(i)}] = {array}[{k}];" for k, i in item.scalars]
+            elif isinstance(item, Write):
+                array = self.program.results[item.array].name
+                lines += [f"{array}[{k}] = {self.value(i, set())};" for k, i in item.scalars]
+            elif isinstance(item, Repeat) and isinstance(item.loop.count, int) and not item.loop.records:
+                k = f"k{item.loop.region}"
+                lines.append(f"{{ int {k}; for ({k} = 0; {k} < {item.loop.count}; ++{k}) {{")
+                lines += self.statements(item.items)
+                lines.append("} }")
+            elif isinstance(item, Exit):
+                lines.append(f"if ({self.value(item.mask, set())}) break;")
+            else:
+                raise ValueError(f"{self.program.name} has loops whose turns only a call knows; such cannot be printed as C")
+        return [f"    {line}" for line in lines]
+
+    def copies(self, chunk: Chunk) -> str:
+        """What a chunk does last: values to other slots, all at once."""
+        sources = [self.value(source, set()) for source, _ in chunk.copies]
+        targets = [f"s[{self.plan.slot(target)}]" for _, target in chunk.copies]
+        stays = "" if chunk.unless is None else f"{self.value(chunk.unless, set())} ? @ : "
+        lines = [
+            f"    const {self.real} c{k} = {stays.replace('@', t)}{x};\n"
+            for k, (x, t) in enumerate(zip(sources, targets, strict=True))
+        ]
+        return "".join([*lines, *(f"    {target} = c{k};\n" for k, target in enumerate(targets))])
 
     def chunk(self, chunk: Chunk) -> str:
         """The statements of a chunk."""
@@ -89,7 +123,7 @@ class _Printer:
         """A node's value, where these nodes are at hand."""
         node = self.plan.nodes[i]
         if node[0] == "const":
-            return self._constant(node[1])
+            return self.constant(node[1])
         if i in here:
             return f"x{i}"
         slot = f"s[{self.plan.slot(i)}]"
@@ -111,7 +145,8 @@ class _Printer:
         sign_a, sign_c = {"fma": ("", ""), "fms": ("", "-"), "fnma": ("-", "")}[op]
         return f"art_fma({sign_a}{x[0]}, {x[1]}, {sign_c}{x[2]})"
 
-    def _constant(self, x: float) -> str:
+    def constant(self, x: float) -> str:
+        """A number, to the last bit."""
         x = Format(1, self.single).rounded(x)
         if math.isfinite(x):
             text = x.hex() + ("f" if self.single else "")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 from articulated.compiler.graph import Graph, Parameter, Traced
@@ -42,6 +42,7 @@ class Program:
             nested list for each result that is not written by rows.
         unfit: from the same, a mask of the states that should not be computed with; None: there are none.
         watched: whether a kernel tells of numbers that are not finite.
+        constants: values of arguments that C has as constants, by name.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Program:
     write: Callable[..., Sequence[Nested]]
     unfit: Callable[..., Any] | None = None
     watched: bool = True
+    constants: Mapping[str, Sequence[float]] = field(default_factory=dict)
 
 
 class Tape:

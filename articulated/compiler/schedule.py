@@ -117,7 +117,7 @@ def schedule(
         chunk: operations in a chunk.
     """
     roots = [*outputs, [check] if check is not None else []]
-    nodes = _fused(graph, roots, _live(graph.nodes, graph.loops, roots))
+    nodes = _fused(graph, _live(graph.nodes, graph.loops, roots))
     live = _live(nodes, graph.loops, roots)
     by_region: dict[int, list[int]] = defaultdict(list)
     for i in sorted(live):
@@ -160,33 +160,22 @@ def _live(nodes: Sequence[Node], loops: Sequence[Loop], outputs: Sequence[Sequen
     return live
 
 
-def _fused(graph: Graph, outputs: Sequence[Sequence[int]], live: set[int]) -> list[Node]:
-    """The nodes with sums of products as fma (a b + c), fms (a b - c) and fnma (c - a b), where the product itself goes."""
-    nodes = list(graph.nodes)
-    uses: dict[int, int] = defaultdict(int)
-    sums: dict[int, int] = defaultdict(int)
-    for i in live:
-        for a in operands(nodes[i]):
-            uses[a] += 1
-            sums[a] += nodes[i][0] in ("add", "sub") and graph.region[a] == graph.region[i]
-    kept = {i for row in outputs for i in row}
-    for loop in graph.loops:
-        kept.update(loop.initial, loop.following, (node for _, _, node in loop.records))
+def _fused(graph: Graph, live: set[int]) -> list[Node]:
+    """The nodes with sums of products as fma (a b + c), fms (a b - c) and fnma (c - a b).
 
+    What is fused depends on the sum alone, not on what else a program does with the product: so an expression has the same bits
+    in all programs. Where a product is used otherwise too it stays, which is no more work than a sum.
+    """
+    nodes = list(graph.nodes)
     for i in sorted(live):
-        if nodes[i][0] not in ("add", "sub"):
+        if nodes[i][0] not in ("add", "sub") or nodes[i][1] == nodes[i][2]:
             continue
         op, a, b = nodes[i]
-        if a == b:
+        product = next((x for x in (b, a) if nodes[x][0] == "mul"), None)
+        if product is None:
             continue
-        products = [x for x in (b, a) if nodes[x][0] == "mul" and x not in kept and uses[x] == sums[x]]
-        if not products:
-            continue
-        product = min(products, key=uses.__getitem__)
-        other = a if product == b else b
-        kept.add(other)  # it is computed now, so nothing else gains by taking it in
         name = "fma" if op == "add" else "fnma" if product == b else "fms"
-        nodes[i] = (name, *nodes[product][1:], other)
+        nodes[i] = (name, *nodes[product][1:], a if product == b else b)
     return nodes
 
 

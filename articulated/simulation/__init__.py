@@ -3,6 +3,7 @@
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
 from articulated.simulation.contact.ground import Ground, Material, Plane
+from articulated.simulation.contact.sensing import Contacts
 from articulated.simulation.first_order import FirstOrder, first_order
 from articulated.simulation.methods import INTEGRATORS
 from articulated.simulation.simulation import Simulation, simulate
@@ -12,6 +13,7 @@ __all__ = [
     "INTEGRATORS",
     "PD",
     "ContactPoint",
+    "Contacts",
     "FirstOrder",
     "Ground",
     "Material",

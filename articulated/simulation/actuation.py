@@ -15,7 +15,7 @@ from articulated.simulation.scene import Drives
 
 @dataclass(frozen=True, eq=False)
 class PD:
-    """Proportional-derivative drives of joints: torques p (q_target − q) − d v at the end of the step, so that no gain is too large.
+    """Proportional-derivative drives of joints: p (q_target − q) − d v at the end of each step: no gain is too large.
 
         art.PD(stiffness=300.0, damping=10.0, limit=80.0)
         art.PD(stiffness={"left_knee": 200.0, "right_knee": 200.0}, damping=5.0, limit="effort")

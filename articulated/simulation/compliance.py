@@ -1,7 +1,7 @@
 """Ground, stops and drives as smooth forces of position and velocity, for methods that look for a smooth right side.
 
-The laws are those of the implicit step, at the present position and velocity: Hunt and Crossley's k x (1 + d ẋ) along the normal,
-friction μ f u/√(u² + ε²) across it, which creeps where the step's anchors hold; and no restitution but what d leaves.
+The laws are those of the implicit step, at the present position and velocity: Hunt and Crossley's k x (1 + d ẋ) along the
+normal, friction μ f u/√(u² + ε²) across it, which creeps where the step's anchors hold; no restitution but what d leaves.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def compliance(scene: Scene, numbers: Numbers, q: Sequence[Scalar], v: Sequence[
 def _touched(scene: Scene, numbers: Numbers, now: Tree, v: Sequence[Scalar], given: Given) -> Given:
     V, power = now.velocities(in_world(now, v)), given.power
     for n, gap in enumerate(gaps(scene, now)):
-        material, body = numbers.materials[scene.material_of[n]], scene.body_of(n)
+        material, body = numbers.materials[scene.material[scene.candidate_of(n)]], scene.body_of(n)
         u = V[body].linear + V[body].angular.cross(gap.point) - Vec3.of(scene.velocity)
         un = gap.normal.dot(u)
         push = _push(gap.size, un, material.stiffness, material.dissipation)

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from articulated.scalar import Scalar, flatten, repeat, where
+from articulated.scalar import Scalar, flatten, rebuilt, repeat, where
 from articulated.simulation import dopri5
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.stance import Standing, unmoved
@@ -157,3 +157,10 @@ INTEGRATORS: dict[str, Fixed] = {
     "dopri5": Adaptive(),
 }
 """The methods by name."""
+
+
+def layout(scene: Scene, integrator: str) -> Motion:
+    """A method's motion with the index of each scalar in place of it: q, v and work come first."""
+    m = scene.mechanism
+    like = INTEGRATORS[integrator].begin(scene, Point([0.0] * m.nq, [0.0] * m.nv, 0.0), 0.0)
+    return rebuilt(like, iter(range(len(flatten(like)))))

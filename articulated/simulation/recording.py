@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from articulated.dynamics.functions import kinetic_energy, potential_energy
+from articulated.simulation.contact.sensing import contact_geometry, contact_links
 from articulated.simulation.rollout import Rollout
 from articulated.trajectory import Outcome, Trajectory
 
@@ -42,10 +43,15 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
     settings: dict[str, str | float | int] = {"integrator": world.integrator, "dt": times.h, "substeps": rollout.plan.substeps}
     if world.integrator == "dopri5":
         settings |= {"rtol": times.rtol, "atol": times.atol}
-    shown = dict(zip(rollout.shown, arrays[3:], strict=True))
-    if (efforts := shown.get("efforts")) is not None and rollout.scene.drives is not None:
+    scene, shown = world.scene, dict(zip(rollout.shown, arrays[3:], strict=True))
+    n = scene.touches
+    geometry = contact_geometry(scene, sound_q)
+    forces = shown.get("contact_forces", np.zeros((*q.shape[:-1], 3 * n)))
+    if rollout.solves:
+        settings["tolerance"] = float(world.numbers[..., -1].min())
+    if (efforts := shown.get("efforts")) is not None and scene.drives is not None:
         tau = tau.copy()
-        tau[..., list(rollout.scene.drives.coordinates)] = efforts
+        tau[..., list(scene.drives.coordinates)] = efforts
     trajectory = Trajectory(
         rig=rig,
         time=np.arange(q.shape[-2]) / fps,
@@ -57,6 +63,12 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         work=work,
         outcome=np.asarray(outcome),
         settings=settings,
+        contact_links=contact_links(scene),
+        contact_points=geometry[..., :3],
+        contact_normals=geometry[..., 3:6],
+        contact_gaps=geometry[..., 6],
+        contact_forces=forces.reshape(*q.shape[:-1], n, 3).astype(float, copy=False),
+        residual=rollout.residual(),
     )
     for outcome, count in trajectory.report.outcomes.items():
         if outcome is not Outcome.COMPLETED:

@@ -30,7 +30,7 @@ from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Nested, Scalar, flatten, rebuilt, repeat
 from articulated.simulation.control import Signal
 from articulated.simulation.forces import Forces
-from articulated.simulation.methods import INTEGRATORS, Clock, Motion, Times
+from articulated.simulation.methods import INTEGRATORS, Clock, Motion, Times, layout
 from articulated.simulation.runge_kutta import Point
 from articulated.simulation.scene import Numbers, Scene
 from articulated.simulation.state import State
@@ -106,11 +106,9 @@ class Rollout:
         self.batch, self.dtype = start.work.shape, start.q.dtype
         self.changes = any(signal.changes for signal in signals)
         self.asks = any(signal.function is not None for signal in signals)
-        point = _point(self.scene.mechanism, [0.0] * (self.rig.nq + self.rig.nv + 1))
-        self._like: Motion = self.method.begin(self.scene, point, 0.0)
+        self._like: Motion = layout(self.scene, world.integrator)
         self._size = len(flatten(self._like))
-        index = rebuilt(self._like, iter(range(self._size)))
-        self.shown = self._shown(index)
+        self.shown = self._shown(self._like)
         self.recorded = ((self.rig.nq,), (self.rig.nv,), (), *((len(part),) for part in self.shown.values()))
         given = np.concatenate([start.q, start.v, start.work[..., None], start.memory], axis=-1)
         self.motion = given if given.shape[-1] == self._size else self._begun(given[..., : self.rig.nq + self.rig.nv + 1])
@@ -160,6 +158,15 @@ class Rollout:
         """How far each state got [s], and whether its step became too short; None if no step can fail."""
         reached = self.method.reached(self.end())
         return (reached[0], reached[1] > 0.5) if reached else None
+
+    @property
+    def solves(self) -> bool:
+        """Whether its steps are solutions of a problem, with a residual."""
+        return self.world.integrator == "semi_implicit" and bool(self.scene.touches or self.scene.stopped or self.scene.drives)
+
+    def residual(self) -> np.ndarray:
+        """The largest that a step of each state has left [m/s]."""
+        return np.asarray(self.end().stance.residual, float) if self.solves else np.zeros(self.batch)
 
     def end(self) -> Motion:
         """What the method carries, one array a scalar."""
@@ -315,8 +322,7 @@ class Rollout:
 
 def _interpolated(m: Mechanism, motion: Nested, t: Scalar, integrator: str) -> Nested:
     method, scene = INTEGRATORS[integrator], Scene(m.rig)
-    like = method.begin(scene, _point(m, [0.0] * (m.nq + m.nv + 1)), 0.0)
-    point = method.at(scene, rebuilt(like, iter(motion)), t)
+    point = method.at(scene, rebuilt(layout(scene, integrator), iter(motion)), t)
     return point.q, point.v, point.work
 
 

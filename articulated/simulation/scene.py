@@ -72,6 +72,12 @@ class Scene:
         return repr((*parts, self.drives, limits)).encode() + content(self.rig)
 
     @property
+    def is_stiff(self) -> bool:
+        """Whether anything in it is that an explicit method may not get over."""
+        m = self.mechanism
+        return bool(self.touches or self.stopped or self.drives or any(m.damping) or any(m.friction))
+
+    @property
     def touches(self) -> int:
         """How many contacts there can be: each candidate's with each surface, surfaces counting faster."""
         return len(self.candidates) * len(self.surfaces)
@@ -103,7 +109,7 @@ class Scene:
         return {s: (q[at[s]] - float(lower[s]), float(upper[s]) - q[at[s]]) for s in self.stopped}
 
     def felt(self, n: int) -> float:
-        """How much velocity an impulse at the n-th contact gives, on average over directions, where the rig is neutral [1/kg]."""
+        """How much velocity an impulse at the n-th contact gives, on average over directions, the rig neutral [1/kg]."""
         m, now, candidate = self.mechanism, self._neutral, self.candidates[self.candidate_of(n)]
         body, X_BL = m.links[candidate.link]
         r = np.array(list((now.X[body] @ X_BL).transform_point(Vec3.of(candidate.center))))

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike
 
 from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, checked
 from articulated.rig import Rig
+from articulated.scalar import flatten
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
 from articulated.simulation.contact.ground import Ground
+from articulated.simulation.contact.sensing import Contacts, contact_geometry, contact_links
 from articulated.simulation.control import Signal
 from articulated.simulation.describe import described
-from articulated.simulation.methods import INTEGRATORS, Times
+from articulated.simulation.methods import INTEGRATORS, Times, layout
 from articulated.simulation.recording import trajectory_of
 from articulated.simulation.rollout import Plan, Rollout, Signals, World
 from articulated.simulation.state import State
@@ -28,22 +30,24 @@ Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """Moves a rig in time: gravity, ground, joint limits, drives, the joints' own damping and friction, a control and wrenches.
+    """Moves a rig in time: gravity, ground, joint limits, drives, the joints' own damping and friction, control and wrenches.
 
-    The integrator "semi_implicit" solves for all that is stiff or one-sided in each step: any stiffness, gain or damping is stable
-    at any dt, resting things rest, and impacts take no time. The others have order, and see ground, limits and drives as smooth
-    forces: for free flight, gentle contact and gradients, with a dt that resolves the stiffness given.
+    The integrator "semi_implicit" solves for all that is stiff or one-sided in each step: any stiffness, gain or damping is
+    stable at any dt, resting things rest, and impacts take no time. It is of order 1, and takes energy from what turns fast,
+    dt ω² a second. The others have order, and see ground, limits and drives as smooth forces: for free flight, gentle contact
+    and gradients, with a dt that resolves the stiffness given.
 
     Attributes:
         rig: the rig.
         dt: length of a step [s]; `run` shortens it so that frames fall on steps. The first step that dopri5 tries.
         gravity: acceleration of free fall, in the world, shape (3,) [m/s²].
         ground: what it may touch; True is the plane z = 0, None or False is nothing.
-        contacts: the points of the rig that may touch the ground; None takes its collision shapes.
+        contact_points: the points of the rig that may touch the ground; None takes its collision shapes.
         limits: whether joint limits are stops, or what stops they are.
         actuation: drives of its joints; then a control is the configuration that they hold to.
-        integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5" (5,
-            adaptive: each state has its own steps).
+        integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5"
+            (5, adaptive: each state has its own steps). None takes rk4 for a rig that swings freely, and semi_implicit for one
+            with ground, limits, drives, damping or friction.
         substeps: steps in a control period: the control is asked for, and then held, that often.
         tolerance: of the implicit step's solver: residual of the velocities, root mean square over the rig's mass [m/s].
         rtol, atol: relative and absolute tolerance of a step of dopri5.
@@ -58,10 +62,10 @@ class Simulation:
     dt: float = 0.002
     gravity: ArrayLike = GRAVITY
     ground: Ground | bool | None = None
-    contacts: Sequence[ContactPoint] | None = None
+    contact_points: Sequence[ContactPoint] | None = None
     limits: Stops | bool = True
     actuation: PD | None = None
-    integrator: str = "semi_implicit"
+    integrator: str | None = None
     substeps: int = 1
     tolerance: float = 1e-4
     rtol: float = 1e-6
@@ -71,7 +75,7 @@ class Simulation:
     _world: World = field(init=False, repr=False)
 
     def __post_init__(self):
-        if self.integrator not in INTEGRATORS:
+        if self.integrator is not None and self.integrator not in INTEGRATORS:
             raise ValueError(f"integrator is {self.integrator!r}; expected one of {', '.join(INTEGRATORS)}")
         for name in ("dt", "tolerance", "rtol", "atol"):
             value = getattr(self, name)
@@ -88,7 +92,11 @@ class Simulation:
         if gravity.shape != (3,):
             raise ValueError(f"gravity has shape {gravity.shape}; expected (3,)")
         check_threads(self.threads)
-        scene, like, numbers = described(self.rig, self.ground, self.contacts, self.limits, self.actuation, self.tolerance)
+        scene, like, numbers = described(
+            self.rig, self.ground, self.contact_points, self.limits, self.actuation, self.tolerance
+        )
+        if self.integrator is None:
+            object.__setattr__(self, "integrator", "semi_implicit" if scene.is_stiff else "rk4")
         object.__setattr__(self, "_world", World(scene, self.integrator, like, numbers, tuple(gravity.tolist())))
 
     def reset(self, q: ArrayLike | None = None, v: ArrayLike | None = None) -> State:
@@ -183,6 +191,16 @@ class Simulation:
                 tau[..., these, :] = some.tau
                 advance_bar(some.tau.shape[-2])
         return trajectory_of(rollout, arrays, tau, fps)
+
+    def contacts(self, state: State) -> Contacts:
+        """Where a state's points of contact are, and how the ground pushed them in the last step: what sensors feel."""
+        scene, (nq, nv) = self._world.scene, (self.rig.nq, self.rig.nv)
+        shown = INTEGRATORS[self.integrator].shown(layout(scene, self.integrator))
+        part = np.array(flatten(shown.get("contact_forces", [])), dtype=int) - (nq + nv + 1)
+        n, geometry = scene.touches, contact_geometry(scene, state.q)
+        forces = state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 3 * n))
+        forces = forces.reshape(*state.work.shape, n, 3)
+        return Contacts(contact_links(scene), geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)
 
     def _rollout(self, start: State, control: Control, external: Control, frames: int, periods: int, period: float) -> Rollout:
         batch, total, rig = start.work.shape, frames * periods, self.rig

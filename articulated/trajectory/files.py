@@ -15,14 +15,14 @@ from typing import IO, Any
 
 import numpy as np
 
-from articulated.rig import RigWarning
+from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
-from articulated.trajectory.trajectory import Trajectory
+from articulated.trajectory.trajectory import PER_STATE, Trajectory
 
-FORMAT = 1
+FORMAT = 2
 """Version of the .npz layout."""
 
-_ARRAYS = ("time", "q", "v", "tau", "kinetic_energy", "potential_energy", "work", "outcome")
+_ARRAYS = ("time", *PER_STATE)
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -30,6 +30,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     if Path(path).suffix != ".npz":
         raise ValueError(f"{os.fspath(path)!r} does not end in .npz; use export for other formats")
     about = {"format": FORMAT, "root": trajectory.rig.root, "settings": trajectory.settings}
+    about["contact_links"] = list(trajectory.contact_links)
     arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
     with written(path, "wb") as file:
         np.savez_compressed(file, about=json.dumps(about), rig=trajectory.rig.to_urdf(), **arrays)
@@ -40,9 +41,10 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     name = os.fspath(path)
     try:
         with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
-            content = {key: data[key] for key in ("about", "rig", *_ARRAYS)}
-        about = json.loads(str(content["about"]))
-        later, root, settings = about["format"] > FORMAT, about["root"], about["settings"]
+            about = json.loads(str(data["about"]))
+            later, root, settings = about["format"] > FORMAT, about["root"], about["settings"]
+            content = {key: data[key] for key in ("rig", *(name for name in _ARRAYS if name in data))}
+            contact_links = tuple(map(str, about.get("contact_links", ())))
         if not later:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RigWarning)  # all was said when the rig was first loaded
@@ -53,12 +55,27 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
         raise ValueError(f"{name} is not a trajectory, or is damaged ({type(error).__name__}: {error})") from None
     if later:
         raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
-    arrays = {key: content[key] for key in _ARRAYS}
-    frames = len(arrays["time"])
-    for key, width in (("q", rig.nq), ("v", rig.nv), ("tau", rig.nv)):
-        if arrays[key].shape != (*arrays["outcome"].shape, frames, width):
-            raise ValueError(f"{name} is damaged: {key} has shape {arrays[key].shape}")
-    return Trajectory(rig=rig, settings=settings, **arrays)
+    try:
+        arrays = _complete(content, rig, len(contact_links))
+    except KeyError as error:
+        raise ValueError(f"{name} is not a trajectory, or is damaged (no {error})") from None
+    except ValueError as error:
+        raise ValueError(f"{name} is damaged: {error}") from None
+    return Trajectory(rig=rig, settings=settings, contact_links=contact_links, **arrays)
+
+
+def _complete(content: dict[str, np.ndarray], rig: Rig, contacts: int) -> dict[str, np.ndarray]:
+    """The arrays of a file, with what the first format did not have yet."""
+    arrays = {"time": content["time"]}
+    batch = content["outcome"].shape
+    sizes = {"T": len(content["time"]), "nq": rig.nq, "nv": rig.nv, "n": contacts, "3": 3}
+    for name, shape in PER_STATE.items():
+        wanted = (*batch, *(sizes[axis] for axis in shape.split()))
+        absent = name.startswith("contact_") or name == "residual"
+        arrays[name] = content[name] if name in content or not absent else np.zeros(wanted)
+        if arrays[name].shape != wanted:
+            raise ValueError(f"{name} has shape {arrays[name].shape}")
+    return arrays
 
 
 def export(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:

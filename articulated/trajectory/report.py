@@ -4,15 +4,28 @@ from __future__ import annotations
 
 import enum
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulated.rig import Rig
 
+if TYPE_CHECKING:
+    from articulated.trajectory.trajectory import Trajectory
+
 ENERGY_TOLERANCE = 1e-2
 """Energy may drift by this part of the energy that was exchanged."""
 
 NORM_TOLERANCE = 1e-9
+
+PENETRATION = 1e-2
+"""How deep a point may be in the ground [m]: an impact of some metres a second on the default material."""
+
+RESIDUAL = 1e3
+"""The solver may miss its tolerance in a step by this factor: an impact that it did not get to the end of."""
+
+_DEEP = "it started inside the ground, or the ground is soft: raise its stiffness, or lift the start"
+_UNSOLVED = "an impact was not solved to the end: take a smaller dt"
 
 
 class Outcome(enum.IntEnum):
@@ -104,32 +117,21 @@ class Report:
 
 
 @np.errstate(invalid="ignore", over="ignore")  # what diverged is infinite or NaN, and no check of it passes
-def certify(
-    rig: Rig, q: np.ndarray, kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, outcomes: np.ndarray
-) -> Report:
-    """The certificate of these frames.
-
-    Args:
-        rig: the rig.
-        q: configurations, shape (..., T, nq).
-        kinetic, potential, work: energies, and the work done by all forces but weight, shape (..., T) [J].
-        outcomes: of each state, shape (...), of `Outcome`.
-    """
-    counts = {outcome: int(np.count_nonzero(outcomes == outcome)) for outcome in Outcome}
-    return Report(
-        checks=(
-            Check(
-                "energy drift",
-                _energy_drift(kinetic, potential, work),
-                ENERGY_TOLERANCE,
-                "relative",
-                "take a smaller dt, or integrator='rk4' or 'dopri5'",
-            ),
-            Check("quaternion norm", _norm_drift(rig, q), NORM_TOLERANCE, "", "report this as a bug"),
-            Check("limit violation", _limit_violation(rig, q), np.inf, "rad or m", ""),
-        ),
-        outcomes={outcome: count for outcome, count in counts.items() if count},
-    )
+def certify(run: Trajectory) -> Report:
+    """The certificate of a run."""
+    counts = {outcome: int(np.count_nonzero(run.outcome == outcome)) for outcome in Outcome}
+    drift = _energy_drift(run.kinetic_energy, run.potential_energy, run.work)
+    checks = [
+        Check("energy drift", drift, ENERGY_TOLERANCE, "relative", "take a smaller dt, or integrator='rk4' or 'dopri5'"),
+        Check("quaternion norm", _norm_drift(run.rig, run.q), NORM_TOLERANCE, "", "report this as a bug"),
+        Check("limit violation", _limit_violation(run.rig, run.q), np.inf, "rad or m", ""),
+    ]
+    if run.contact_links:
+        checks.append(Check("penetration", float((-run.contact_gaps).max(initial=0.0)), PENETRATION, "m", _DEEP))
+    if (tolerance := run.settings.get("tolerance")) is not None:
+        allowed = RESIDUAL * float(tolerance)
+        checks.append(Check("solver residual", float(run.residual.max(initial=0.0)), allowed, "m/s", _UNSOLVED))
+    return Report(tuple(checks), {outcome: count for outcome, count in counts.items() if count})
 
 
 def _energy_drift(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray) -> float:

@@ -3,12 +3,28 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from articulated.rig import Rig
 from articulated.trajectory.report import Report, certify
+
+PER_STATE = {
+    "q": "T nq",
+    "v": "T nv",
+    "tau": "T nv",
+    "kinetic_energy": "T",
+    "potential_energy": "T",
+    "work": "T",
+    "outcome": "",
+    "contact_points": "T n 3",
+    "contact_normals": "T n 3",
+    "contact_gaps": "T n",
+    "contact_forces": "T n 3",
+    "residual": "",
+}
+"""The arrays that each state has its own of, and their shapes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,10 +36,16 @@ class Trajectory:
         time: of each frame, shape (T,) [s].
         q: configurations, shape (..., T, nq).
         v: generalized velocities, shape (..., T, nv).
-        tau: generalized forces of the control from each frame on, shape (..., T, nv) [N m, N].
+        tau: generalized forces of the control from each frame on; of drives, over the step before it; (..., T, nv) [N m, N].
         kinetic_energy, potential_energy: shape (..., T) [J].
         work: done since the first frame by all forces but weight, shape (..., T) [J].
         outcome: how the run of each state ended, of `Outcome`, shape (...).
+        contact_links: name of the link of each point that could touch the ground, (n,); none if there was no ground.
+        contact_points: where these points were, in the world, shape (..., T, n, 3) [m].
+        contact_normals: of the ground there, shape (..., T, n, 3).
+        contact_gaps: their distance from the ground, negative inside, shape (..., T, n) [m].
+        contact_forces: of the ground on them over the step before each frame, in the world, shape (..., T, n, 3) [N].
+        residual: the largest that the solver left in any step, of each state, shape (...) [m/s].
         settings: how it was made: integrator, dt and so on.
     """
 
@@ -37,6 +59,12 @@ class Trajectory:
     work: np.ndarray
     outcome: np.ndarray
     settings: dict[str, str | float | int]
+    contact_links: tuple[str, ...]
+    contact_points: np.ndarray
+    contact_normals: np.ndarray
+    contact_gaps: np.ndarray
+    contact_forces: np.ndarray
+    residual: np.ndarray
 
     def __repr__(self) -> str:
         return f"Trajectory({self.rig.name!r}, {len(self.time)} frames, {self.time[-1]:g} s, states {self.q.shape[:-2]})"
@@ -54,14 +82,13 @@ class Trajectory:
     @property
     def report(self) -> Report:
         """The certificate of the run."""
-        return certify(self.rig, self.q, self.kinetic_energy, self.potential_energy, self.work, self.outcome)
+        return certify(self)
 
     def state(self, *index: int) -> Trajectory:
         """The trajectory of one state of a batch, or of part of a batch."""
         if len(index) > self.outcome.ndim:
             raise ValueError(f"state index {index} has {len(index)} entries; the batch has {self.outcome.ndim} axes")
-        part = {name: getattr(self, name)[index] for name in ("q", "v", "tau", "kinetic_energy", "potential_energy", "work")}
-        return Trajectory(rig=self.rig, time=self.time, outcome=np.asarray(self.outcome[index]), settings=self.settings, **part)
+        return replace(self, **{name: np.asarray(getattr(self, name)[index]) for name in PER_STATE})
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything, the rig included, to an .npz file. An old file is replaced only once the new one is whole.

@@ -9,16 +9,21 @@ import numpy as np
 import pytest
 from random_trees import random_rig
 
+import articulated as art
 from articulated.dynamics import configuration, energy, kinematics, momentum, passive
 from articulated.dynamics.forward_dynamics import forward_dynamics
 from articulated.dynamics.inverse_dynamics import inverse_dynamics
 from articulated.dynamics.jacobian import jacobian
 from articulated.dynamics.mass_matrix import mass_matrix
 from articulated.dynamics.mechanism import mechanism
+from articulated.scalar import flatten, rebuilt
 from articulated.simulation import dopri5
+from articulated.simulation.contact.ground import Ground
+from articulated.simulation.describe import described
 from articulated.simulation.forces import Forces
+from articulated.simulation.implicit.stance import Stance, Standing, unmoved
+from articulated.simulation.implicit.step import semi_implicit_step
 from articulated.simulation.runge_kutta import RK4, Point, runge_kutta_step
-from articulated.simulation.semi_implicit import semi_implicit_step
 
 
 def _secret(x) -> float:
@@ -57,6 +62,17 @@ class Opaque:
     def __neg__(self):
         return Opaque(-self._secret)
 
+    graph = None
+
+    def repeat(self, count, body, carry, until):
+        """All turns, whether they are needed or not: a tracer cannot know."""
+        flat = [Opaque(0.0 + _secret(x)) for x in flatten(carry)]
+        for _ in range(count):
+            done = _secret(until(rebuilt(carry, iter(flat)))) if until else False
+            new = flatten(body(rebuilt(carry, iter(flat))))
+            flat = [a if done else Opaque(_secret(b)) for a, b in zip(flat, new, strict=True)]
+        return rebuilt(carry, iter(flat))
+
     def where(self, a, b):
         return Opaque(_secret(a) if self._secret else _secret(b))
 
@@ -82,7 +98,7 @@ def hide(x):
 def reveal(x):
     if isinstance(x, (list, tuple)):
         return [reveal(y) for y in x]
-    if isinstance(x, (Point, dopri5.Slope)):
+    if isinstance(x, (Point, Standing, Stance, dopri5.Slope)):
         return [reveal(y) for y in vars(x).values()]
     return _secret(x)
 
@@ -104,16 +120,16 @@ ALGORITHMS = {
     "configuration_rate": lambda m, q, v, f, g: configuration.configuration_rate(m, q, v),
     "step_rate": lambda m, q, v, f, g: configuration.step_rate(m, f.tau, v),
     "passive_forces": lambda m, q, v, f, g: passive.passive_forces(m, v),
-    "semi_implicit": lambda m, q, v, f, g: semi_implicit_step(m, Point(q, v, 0.0 * g[0]), f, 0.001),
-    "rk4": lambda m, q, v, f, g: runge_kutta_step(m, RK4, Point(q, v, 0.0 * g[0]), f, 0.001),
+    "semi_implicit": lambda m, q, v, f, g: semi_implicit_step(Standing(q, v, 0.0 * g[0], unmoved(f.scene)), f, 0.001),
+    "rk4": lambda m, q, v, f, g: runge_kutta_step(RK4, Point(q, v, 0.0 * g[0]), f, 0.001),
     "dopri5": lambda m, q, v, f, g: list(vars(dopri_step(m, q, v, f, g)).values()),
     "dopri5, interpolated": lambda m, q, v, f, g: dopri5.interpolated(m, dopri_step(m, q, v, f, g), 0.0005),
 }
 
 
 def dopri_step(m, q, v, f, g):
-    start = dopri5.restarted(m, dopri5.begin(Point(q, v, 0.0 * g[0]), 0.001), f)
-    return dopri5.attempt(m, start, f, 1.0, 1e-6, 1e-9)
+    start = dopri5.restarted(dopri5.begin(Point(q, v, 0.0 * g[0]), 0.001), f)
+    return dopri5.attempt(start, f, 1.0, 1e-6, 1e-9)
 
 
 @pytest.mark.parametrize("name", ALGORITHMS)
@@ -126,8 +142,12 @@ def test_algorithm(name, seed):
         for x in (rig.random(rng), *rng.normal(size=(2, rig.nv)), rng.normal(size=(rig.nlinks, 6)), rng.normal(size=3))
     )
     run = ALGORITHMS[name]
-    plain = run(m, q, v, Forces(tau, external, g), g)
-    hidden = run(m, hide(q), hide(v), Forces(hide(tau), hide(external), hide(g)), hide(g))
+    points = [art.ContactPoint(name, (0.1, 0.2, 0.3), 0.1) for name in list(rig.links)[-3:]]
+    drives = art.PD(stiffness=10.0, damping=1.0, limit=1.0)
+    scene, like, numbers = described(rig, Ground(restitution=0.5), points, True, drives, 1e-6)
+    given, target = rebuilt(like, iter(numbers.tolist())), rig.random(rng).tolist()
+    plain = run(m, q, v, Forces(scene, tau, external, g, given, target), g)
+    hidden = run(m, hide(q), hide(v), Forces(scene, hide(tau), hide(external), hide(g), given, hide(target)), hide(g))
     assert reveal(hidden) == reveal(plain)
 
 

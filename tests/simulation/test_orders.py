@@ -14,6 +14,7 @@ from articulated.dynamics.mechanism import mechanism
 from articulated.simulation import dopri5
 from articulated.simulation.forces import Forces
 from articulated.simulation.runge_kutta import Point, runge_kutta_step
+from articulated.simulation.scene import Scene
 
 
 @pytest.fixture(scope="module")
@@ -54,8 +55,8 @@ def test_order(double_pendulum, start, end, integrator, order, steps):
 
 def test_order_of_dopri5(double_pendulum):
     """Its weights at fixed steps: order 5, on the manifold. Over four starts, as one may have a small leading error."""
-    m, system = mechanism(double_pendulum), art.first_order(double_pendulum)
-    forces = Forces([0.0] * 6, None, art.GRAVITY)
+    system = art.first_order(double_pendulum)
+    forces = Forces(Scene(double_pendulum), [0.0] * 6, None, art.GRAVITY)
     errors = {200: 0.0, 400: 0.0}
     for seed in range(4):
         q0, v0 = double_pendulum.random(seed), np.random.default_rng(seed).normal(size=6)
@@ -63,18 +64,18 @@ def test_order_of_dopri5(double_pendulum):
         for n in errors:
             point = Point(q0.tolist(), v0.tolist(), 0.0)
             for _ in range(n):
-                point = runge_kutta_step(m, dopri5.DOPRI5, point, forces, 1.0 / n)
+                point = runge_kutta_step(dopri5.DOPRI5, point, forces, 1.0 / n)
             errors[n] += error(double_pendulum, point.q, np.array(point.v), system.unpack(exact.y[:, -1]))
     assert np.log2(errors[200] / errors[400]) == pytest.approx(5, abs=0.2), errors
 
 
 def test_dense_output_of_dopri5_is_of_order_4(double_pendulum, start):
-    m, forces = mechanism(double_pendulum), Forces([0.0] * 6, None, art.GRAVITY)
+    m, forces = mechanism(double_pendulum), Forces(Scene(double_pendulum), [0.0] * 6, None, art.GRAVITY)
     system, errors = art.first_order(double_pendulum), []
     for h in (0.1, 0.05, 0.025):
         exact = solve_ivp(system, (0.0, 0.4 * h), system.pack(*start), method="DOP853", rtol=1e-13, atol=1e-14)
-        motion = dopri5.restarted(m, dopri5.begin(Point(start[0].tolist(), start[1].tolist(), 0.0), h), forces)
-        motion = dopri5.attempt(m, motion, forces, h, 1.0, 1.0)
+        motion = dopri5.restarted(dopri5.begin(Point(start[0].tolist(), start[1].tolist(), 0.0), h), forces)
+        motion = dopri5.attempt(motion, forces, h, 1.0, 1.0)
         assert motion.t == h
         between = dopri5.interpolated(m, motion, 0.4 * h)
         errors.append(error(double_pendulum, between.q, np.array(between.v), system.unpack(exact.y[:, -1])))

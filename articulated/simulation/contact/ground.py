@@ -33,8 +33,8 @@ class Material:
     Attributes:
         friction: Coulomb's coefficient.
         restitution: speed of rebound over speed of impact, 0 to 1.
-        stiffness: force over depth at each point of contact [N/m]; None lets the whole rig's weight on one point sink in by half
-            a millimetre. In a step, no spring acts harder than that step can follow.
+        stiffness: force over depth at each point of contact [N/m]; None lets the whole rig's weight on one point sink in by
+            half a millimetre. In a step, no spring acts harder than that step can follow.
         dissipation: Hunt and Crossley's d in the force k x (1 + d ẋ) [s/m]. What sinks in is pushed out at 1/d at most.
     """
 

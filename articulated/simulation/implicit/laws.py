@@ -1,4 +1,4 @@
-"""The laws of one direction: what an impulse answers to the velocity at the end of the step. All are slopes of convex potentials.
+"""The laws of one direction: what impulse answers a velocity at the end of the step. All are slopes of convex functions.
 
 symbol   meaning                                                    unit
 u        velocity, at the end of the step                           m/s

@@ -1,15 +1,15 @@
 """The solver of a step: minimise ½ (v − v*)ᵀ A (v − v*) + Σ ℓ(u), u = J v, over the velocity v at the end of the step.
 
-Newton's method, whose linear system is one sweep of the articulated-body algorithm. The first sweeps bound the slope of friction
-(θ = 0: they cannot overshoot), and find how hard contacts push, which is how hard they can rub; then that stays.
+Newton's method, whose linear system is one sweep of the articulated-body algorithm. The first sweep bounds the slope of
+friction (θ = 0: it cannot overshoot), and finds how hard contacts push, which is how hard they can rub; then that stays.
 
 symbol   meaning                                                    unit
 u        velocity of each term                                      m/s
 y        impulse of each term with which A v − p = −Jᵀ y            N s
 α        length of a step: v, u and y all move by this part of the way
 
-Along a step the slope of what is minimised is known from the terms alone: φ'(α) = Σ (g(u + α δu) − y − α δy) · δu. So neither the
-line search nor the test for the end, g(u) = y, needs a sweep. Once the first full step is made, it can be tested.
+Along a step the slope of what is minimised is known from the terms alone: φ'(α) = Σ (g(u + α δu) − y − α δy) · δu. So neither
+the line search nor the test for the end, g(u) = y, needs a sweep. That holds once the first full step is made.
 """
 
 from __future__ import annotations
@@ -210,7 +210,7 @@ class _Line:
 
 
 def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, mass: float, settled: Scalar) -> tuple[Scalar, Scalar]:
-    """How far to go, and Σ ‖g − y‖² there: all the way where that is settled or downhill enough, else to where the slope ends."""
+    """How far to go, and Σ ‖g − y‖² there: all the way where that is settled or downhill enough, else to the bottom."""
     du = full.u.minus(at.u)
     off_end, square = terms.answers(full.u, full.y, full.limits)
     at_start, at_end = du.dot(off), du.dot(off_end)

@@ -1,6 +1,6 @@
 """What a step has to solve: the terms that act, and the linear part, A v = p.
 
-The linear part has in A, besides the mass matrix, what damping and unlimited drives add: armature + h d + h² p for gains p and d.
+The linear part has in A, besides the mass matrix, what damping and unlimited drives add to it: armature + h d + h² p.
 """
 
 from __future__ import annotations

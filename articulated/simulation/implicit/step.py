@@ -82,7 +82,7 @@ def _work(
     V_new: Sequence[Motion | None],
     h: Scalar,
 ) -> Scalar:
-    """Of all forces but weight: impulse times mean velocity is the change of kinetic energy exactly, for a constant mass matrix."""
+    """Of all forces but weight: impulse times mean velocity, which is the change of kinetic energy for a constant mass matrix."""
     m, (v, v_new) = now.mechanism, velocities
     mean = [0.5 * (a + b) for a, b in zip(v, v_new, strict=True)]
     impulse = [h * (tau - d * x) for tau, d, x in zip(forces.tau, m.damping, v_new, strict=True)]
