@@ -202,6 +202,13 @@ class Simulation:
         forces = forces.reshape(*state.work.shape, n, 3)
         return Contacts(contact_links(scene), geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)
 
+    def residual(self, state: State) -> np.ndarray:
+        """The largest that the solver has left in any step so far, shape (...) [m/s]; zeros for methods that do not solve."""
+        stance = getattr(layout(self._world.scene, self.integrator), "stance", None)
+        if stance is None:
+            return np.zeros(state.work.shape)
+        return state.memory[..., stance.residual - (self.rig.nq + self.rig.nv + 1)].copy()
+
     def _rollout(self, start: State, control: Control, external: Control, frames: int, periods: int, period: float) -> Rollout:
         batch, total, rig = start.work.shape, frames * periods, self.rig
         drives = self._world.scene.drives is not None

@@ -23,7 +23,7 @@ from articulated.simulation.implicit.sweep import Load, Sweep
 from articulated.simulation.implicit.terms import Bend, Contact, JointTerm
 from articulated.spatial import Motion, Vec3
 
-MAX_SWEEPS = 12
+MAX_SWEEPS = 40
 BOUNDED = 1
 """Sweeps that bound the slope of friction."""
 _SEARCHES = 6

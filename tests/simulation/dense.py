@@ -1,0 +1,163 @@
+"""The problem of a step built from mass matrices and Jacobians, and solved densely: nothing of it is the engine's own."""
+
+from __future__ import annotations
+
+import numpy as np
+
+import articulated as art
+from articulated.simulation.implicit.terms import NEAR_RIGID, SIGMA, SLIP_SPEED
+
+
+class Dense:
+    """A step of one state of a free rig on the plane z = 0, for contact points without radius."""
+
+    def __init__(self, rig, points, material, h, kp, kd, target, limit, stops):
+        self.rig, self.points, self.material, self.h = rig, points, material, h
+        self.kp, self.kd, self.target, self.limit, self.stops = kp, kd, target, limit, stops
+        self.links = list(rig.links.values())
+        q = rig.neutral()
+        Minv = np.linalg.inv(art.mass_matrix(rig, q))
+        self.w_joint = np.diag(Minv)
+        J = [art.jacobian(rig, q, p.link, p.position)[:3] for p in points]
+        self.w = np.array([np.linalg.norm(np.diag(j @ Minv @ j.T)) / np.sqrt(3.0) for j in J])
+
+    def momenta(self, q, v):
+        """Σ Jᵀ (momentum of each link as it was a step ago, and what gravity adds)."""
+        rig, h = self.rig, self.h
+        q_old = art.integrate(rig, q, -h * v)
+        v_old = v.copy()
+        R_old, R = (art.link_poses(rig, x)[0, :3, :3] for x in (q_old, q))
+        v_old[:3] = R_old.T @ R @ v[:3]  # a free root's velocity stays the same in the world
+        X_old, V_old = art.link_poses(rig, q_old), art.link_velocities(rig, q_old, v_old)
+        total, bodies = rig.armature * v, {}
+        for link in self.links:
+            if link.mass > 0.0 and link.body >= 0:
+                bodies.setdefault(link.body, []).append(link)
+        for parts in bodies.values():  # links that move as one: their common centre moves straight, their common spin stays
+            at = [
+                (link.mass, X_old[link.index, :3, :3], X_old[link.index, :3, :3] @ link.center + X_old[link.index, :3, 3])
+                for link in parts
+            ]
+            mass = sum(m for m, _, _ in at)
+            center = sum(m * c for m, _, c in at) / mass
+            inertia = np.zeros((3, 3))
+            for link, (m, R_WL, c) in zip(parts, at, strict=True):
+                inertia += R_WL @ link.inertia @ R_WL.T + m * (
+                    (c - center) @ (c - center) * np.eye(3) - np.outer(c - center, c - center)
+                )
+            first = parts[0]
+            lin, ang = V_old[first.index].reshape(2, 3)
+            momentum = mass * (lin + np.cross(ang, center - X_old[first.index, :3, 3]) + h * np.array(art.GRAVITY))
+            point = X_old[first.index, :3, :3].T @ (center - X_old[first.index, :3, 3])
+            total = total + art.jacobian(rig, q, first.name, point).T @ np.concatenate([momentum, inertia @ ang])
+        return total
+
+    def build(self, q, v):
+        rig, h = self.rig, self.h
+        self.A = art.mass_matrix(rig, q) + np.diag(h * rig.damping)
+        self.p = self.momenta(q, v)
+        e = art.difference(rig, q, self.target)
+        self.c, self.b = h * self.kp * e, h * (self.kd + h * self.kp)
+        if self.limit is None:
+            self.A, self.p = self.A + np.diag(self.b), self.p + self.c
+        X = art.link_poses(rig, q)
+        self.J = np.array([art.jacobian(rig, q, p.link, p.position)[:3] for p in self.points])
+        self.phi = np.array([(X[rig.links[p.link].index] @ [*p.position, 1.0])[2] for p in self.points])
+        mass = np.minimum(h * h * self.material.stiffness, NEAR_RIGID / self.w)
+        self.hinges = -self.phi * mass / h, mass, np.full(len(mass), self.material.dissipation)
+        self.room = None
+        if self.stops is not None:
+            at = {
+                s: k
+                for j in rig.joints.values()
+                if j.nq == j.nv
+                for s, k in zip(range(j.v_slice.start, j.v_slice.stop), range(j.q_slice.start, j.q_slice.stop), strict=True)
+            }
+            some = [s for s in at if np.isfinite(rig.lower[s]) or np.isfinite(rig.upper[s])]
+            mass = np.minimum(h * h * self.stops.stiffness, NEAR_RIGID) / self.w_joint[some]
+            low, high = q[[at[s] for s in some]] - rig.lower[some], rig.upper[some] - q[[at[s] for s in some]]
+            self.room = some, [(-gap * mass / h, mass, np.full(len(some), self.stops.dissipation)) for gap in (low, high)]
+        u = self.J @ v
+        self.cone = self.material.friction * self.push(self.hinges, u[:, 2])[0]
+
+    @staticmethod
+    def push(hinge, u):
+        a, b, d = hinge
+        s, c = np.maximum(a - b * u, 0.0), np.maximum(1.0 - d * u, 0.0)
+        return s * c, b * c * (s > 0.0) + d * s * (c > 0.0)
+
+    def terms(self, v, theta):
+        """Σ Jᵀ g and Σ Jᵀ G J."""
+        u = self.J @ v
+        n, slope = self.push(self.hinges, u[:, 2])
+        width = np.maximum(SIGMA * self.w * self.cone, SLIP_SPEED)
+        size = np.linalg.norm(u[:, :2], axis=1)
+        s = self.cone / np.maximum(size, width)
+        t = u[:, :2] / np.maximum(size, 1e-300)[:, None]
+        self.g = np.concatenate([s[:, None] * u[:, :2], -n[:, None]], axis=1)
+        self.G = np.zeros((len(u), 3, 3))
+        self.G[:, :2, :2] = s[:, None, None] * (
+            np.eye(2) - theta * (size > width)[:, None, None] * t[:, :, None] * t[:, None, :]
+        )
+        self.G[:, 2, 2] = slope
+        g, H = np.einsum("cij,ci->j", self.J, self.g), np.einsum("cia,cij,cjb->ab", self.J, self.G, self.J)
+        if self.room is not None:
+            some, (low, high) = self.room
+            (n_low, s_low), (n_high, s_high) = self.push(low, v[some]), self.push(high, -v[some])
+            g[some] += n_high - n_low
+            H[some, some] += s_low + s_high
+        if self.limit is not None:
+            most, wanted = self.limit * self.h, self.c - self.b * v
+            free = np.abs(wanted) <= most
+            g -= np.clip(wanted, -most, most)
+            H += np.diag(np.where(free, self.b, (1.0 - theta) * self.b * most / np.where(free, 1.0, np.abs(wanted))))
+        dry = self.rig.friction > 0.0
+        most, size = self.h * self.rig.friction, np.abs(v)
+        s = most / np.maximum(size, SLIP_SPEED)
+        g += np.where(dry, s * v, 0.0)
+        H += np.diag(np.where(dry, np.where(size > SLIP_SPEED, (1.0 - theta) * s, s), 0.0))
+        return g, H
+
+    def gradient(self, v):
+        return self.A @ v - self.p + self.terms(v, 1.0)[0]
+
+    def solve(self, q, v):
+        """The velocity at the end of the step, by Newton's method with an exact line search, after one bounded sweep."""
+        self.build(q, v)
+        g, H = self.terms(v, 0.0)
+        u, g_c, G_c = self.J @ v, self.g.copy(), self.G.copy()
+        new = np.linalg.solve(self.A + H, self.p - g + H @ v)
+        y = g_c + np.einsum("cij,cj->ci", G_c, self.J @ new - u)
+        self.cone = self.material.friction * np.maximum(-y[:, 2], 0.0)
+        v = new
+        for _ in range(200):
+            r = self.gradient(v)
+            H = self.A + self.terms(v, 1.0)[1]
+            step = -np.linalg.solve(H, r)
+            if -(r @ step) < 1e-26 * max(v @ self.A @ v, 1e-6):
+                return v
+            low, high, alpha = 0.0, 1.0, 1.0
+            if self.gradient(v + step) @ step > 0.0:
+                for _ in range(60):
+                    alpha = 0.5 * (low + high)
+                    low, high = (alpha, high) if self.gradient(v + alpha * step) @ step < 0.0 else (low, alpha)
+            v = v + alpha * step
+        return v
+
+
+def near_ground(rig, points, count, rng, reach=0.4, speed=1.0):
+    """Random states in which the lowest point is within some millimetres of the ground."""
+    q = rig.random(rng, count)
+    neutral = rig.neutral()
+    for joint in rig.joints.values():
+        if joint.nq == 1:  # near its middle
+            part = q[:, joint.q_slice]
+            q[:, joint.q_slice] = np.clip(
+                neutral[joint.q_slice] + reach * rng.normal(size=part.shape), joint.limits.lower, joint.limits.upper
+            )
+    X = art.link_poses(rig, q)
+    z = np.array([(X[:, rig.links[p.link].index] @ [*p.position, 1.0])[:, 2] for p in points])
+    q[:, 2] -= z.min(axis=0) - rng.uniform(-0.004, 0.001, count)
+    v = speed * rng.normal(size=(count, rig.nv))
+    v[:, 3:6] *= 2.0
+    return q, v

@@ -1,0 +1,113 @@
+"""The implicit step's solution against a dense solver of the same problem, and what it reports of itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from conftest import example_robots
+from simulation.dense import Dense, near_ground
+
+import articulated as art
+
+ROBOTS = {
+    "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "solo12": "solo_description/robots/solo12.urdf",
+    "human": "human_description/robots/human.urdf",
+}
+
+
+def chain(n: int) -> art.Rig:
+    builder = art.RigBuilder("chain")
+    for k in range(n):
+        inertia = np.diag([1e-4, 7e-4, 7e-4])
+        builder.link(f"link{k}", 0.1, (0.05, 0.0, 0.0), inertia, collisions=[art.Capsule(0.02, 0.06)])
+        if k:
+            axis = ((0, 1, 0), (0, 0, 1))[k % 2]
+            builder.joint(
+                f"joint{k}",
+                "revolute",
+                f"link{k - 1}",
+                f"link{k}",
+                xyz=(0.1, 0.0, 0.0),
+                axis=axis,
+                limits=art.Limits(-1.5, 1.5),
+            )
+    return builder.build("free")
+
+
+def rig_of(name: str) -> art.Rig:
+    if name == "chain":
+        return chain(30)
+    if name == "ragdoll":
+        return art.load("ragdoll", root="free")
+    return art.load(example_robots() / ROBOTS[name], root="free")
+
+
+def points_of(rig: art.Rig, count: int = 16) -> list[art.ContactPoint]:
+    """Points on links, near the ends of the rig and on its root."""
+    links = [link for link in rig.links.values() if link.body >= 0 and link.mass > 0.0]
+    chosen = [links[k] for k in np.linspace(0, len(links) - 1, count).astype(int)]
+    rng = np.random.default_rng(3)
+    return [art.ContactPoint(link.name, tuple((link.center + 0.05 * rng.normal(size=3)).tolist())) for link in chosen]
+
+
+MATERIAL = art.Material(friction=0.8, stiffness=5e4, dissipation=10.0)
+
+
+@pytest.mark.parametrize("name", ["g1", "solo12", "human", "ragdoll", "chain"])
+@pytest.mark.parametrize("limited", [False, True])
+def test_solution_is_that_of_a_dense_solver(name, limited):
+    """50 states each: contact, stops and drives (with limited torque, and dry friction in joints, or without)."""
+    rig, rng, h = rig_of(name), np.random.default_rng(5), 0.002
+    rig = rig.with_joints(damping=0.05, friction=0.1) if limited else rig.with_joints(damping=0.05)
+    points = points_of(rig)
+    free = np.arange(rig.nv) >= 6
+    stops = art.Stops() if name != "ragdoll" else None
+    pd = art.PD(stiffness=30.0, damping=1.0, limit=2.0 if limited else np.inf)
+    ground = art.Ground(friction=0.8, stiffness=5e4, dissipation=10.0)
+    simulation = art.Simulation(
+        rig, dt=h, ground=ground, contact_points=points, limits=stops or False, actuation=pd, tolerance=1e-12
+    )
+    q, v = near_ground(rig, points, 50, rng)
+    q[:, 2] -= np.linspace(0.0, 0.02, len(q))
+    target = rig.neutral()
+    state = simulation.step(simulation.reset(q, v), target)
+    dense = Dense(
+        rig, points, MATERIAL, h, 30.0 * free, 1.0 * free, target, np.where(free, 2.0, 1e9) if limited else None, stops
+    )
+    touched = 0
+    for k in range(len(q)):
+        expected = dense.solve(q[k], v[k])
+        got = state.v[k].copy()
+        R_new, R_old = (art.link_poses(rig, x)[0, :3, :3] for x in (state.q[k], q[k]))
+        got[:3] = R_old.T @ R_new @ got[:3]  # both in the root's axes at the start of the step
+        assert np.abs(got - expected).max() < 1e-9 * np.abs(expected).max(), k
+        touched += bool((dense.push(dense.hinges, (dense.J @ expected)[:, 2])[0] > 0.0).any())
+    assert touched >= 25
+
+
+def test_residual_is_the_residual():
+    """What a step reports is what its velocities and contact forces leave, by the formula."""
+    rig, rng, h = rig_of("g1"), np.random.default_rng(6), 0.002
+    points = points_of(rig)
+    ground = art.Ground(friction=0.8, stiffness=5e4, dissipation=10.0)
+    simulation = art.Simulation(rig, dt=h, ground=ground, contact_points=points, limits=False, tolerance=0.05)
+    q, v = near_ground(rig, points, 20, rng)
+    state = simulation.step(simulation.reset(q, v))
+    reported = simulation.residual(state)
+    assert (reported < 0.05).all()
+    assert (reported > 1e-9).sum() > 5
+    zero = np.zeros(rig.nv)
+    dense = Dense(rig, points, MATERIAL, h, zero, zero, rig.neutral(), None, None)
+    for k in range(len(q)):
+        dense.solve(q[k], v[k])  # for the friction cones
+        end = state.v[k].copy()
+        R_new, R_old = (art.link_poses(rig, x)[0, :3, :3] for x in (state.q[k], q[k]))
+        end[:3] = R_old.T @ R_new @ end[:3]
+        dense.terms(end, 1.0)
+        y = -h * simulation.contacts(state).forces[k]
+        off = dense.g - y
+        slides = np.linalg.norm((dense.J @ end)[:, :2], axis=1) > np.maximum(1e-3 * dense.w * dense.cone, 1e-3)
+        stiff = np.where(slides, 0.0, dense.cone / np.maximum(1e-3 * dense.w * dense.cone, 1e-3))
+        square = (off[:, :2] ** 2).sum(axis=1) / (1.0 / dense.w + stiff) + off[:, 2] ** 2 / (1.0 / dense.w + dense.G[:, 2, 2])
+        assert reported[k] == pytest.approx(np.sqrt(square.sum() / rig.mass), rel=1e-5, abs=1e-12)
