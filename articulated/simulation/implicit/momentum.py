@@ -14,20 +14,22 @@ from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.dynamics.tree import Tree, center_of_mass, force_at, in_world, tree
 from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces
+from articulated.simulation.implicit.stance import Standing
 from articulated.spatial import Force, RigidInertia, Sym3, Vec3
 
 
-def momenta(now: Tree, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces, h: Scalar) -> list[Force]:
+def momenta(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[Force]:
     """F: of each body, about O: what it had a step ago, and what gravity and external wrenches give it in this one.
 
     Args:
         now: the tree at q.
-        q, v: where it is, and the velocities that brought it there.
+        start: where it is, and how it got there.
         forces: what acts.
         h: length of the step, and of the one before.
     """
-    mechanism = now.mechanism
-    before = tree(mechanism, previous(mechanism, q, v, h))
+    mechanism, v = now.mechanism, start.v
+    brought = [a + b for a, b in zip(v, start.stance.shift, strict=True)] if start.stance.shift else v
+    before = tree(mechanism, integrate(mechanism, start.q, [-(h * x) for x in brought]))
     # a free root's velocity is the same in world axes a step ago
     V = before.velocities(in_world(now, v))
     fall = Vec3.of(forces.gravity) * h
@@ -55,11 +57,6 @@ def along_coordinates(now: Tree, F: Sequence[Force]) -> list[Scalar]:
         if (parent := mechanism.parent[i]) != WORLD:
             total[parent] = total[parent] + total[i]
     return p
-
-
-def previous(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], h: Scalar) -> list[Scalar]:
-    """q ⊖ h v."""
-    return integrate(mechanism, q, [-(h * x) for x in v])
 
 
 def _about_center(inertia: RigidInertia) -> Sym3:

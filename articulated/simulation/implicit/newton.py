@@ -30,6 +30,9 @@ _SEARCHES = 6
 _FLAT = 0.1
 """A step is taken whole if the slope at its end is at most this part of that at its beginning."""
 
+_FAR = 1e30
+"""An error before there is any."""
+
 Three = list[Scalar]
 
 
@@ -112,22 +115,27 @@ class Iterate:
     error: Scalar
 
 
-def solved(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar], mass: float, tolerance: Scalar) -> Iterate:
+def begin(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar]) -> Iterate:
+    """Where the solver starts: at the velocities of the step before.
+
+    How hard contacts would push then is how hard they may rub in the first sweep.
+    """
+    u = terms.velocities(now.velocities(v), v)
+    none = Values([[0.0] * 3 for _ in terms.contacts], [0.0] * len(terms.joints))
+    limits = [c.friction * c.hinge.push(c.n.dot(Vec3.of(x))) for c, x in zip(terms.contacts, u.contacts, strict=True)]
+    return Iterate(0.0, [v[s] for s in sweep.moving], u, none, limits, _FAR)
+
+
+def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: Scalar) -> Iterate:
     """The solution, or the best that so many sweeps find.
 
     Args:
         sweep: the step's linear system.
         terms: what acts.
-        now: the tree.
-        v: velocities to start from. How hard contacts would push then is how hard they may rub in the first sweep.
+        start: where to start.
         mass: of the rig.
         tolerance: of the residual, √error [m/s].
     """
-    none = Values([[0.0] * 3 for _ in terms.contacts], [0.0] * len(terms.joints))
-    u = terms.velocities(now.velocities(v), v)
-    limits = [c.friction * c.hinge.push(c.n.dot(Vec3.of(x))) for c, x in zip(terms.contacts, u.contacts, strict=True)]
-    start = Iterate(0.0, [v[s] for s in sweep.moving], u, none, limits, 1e30)
-
     if not (terms.contacts or terms.joints):
         return replace(start, error=0.0)
 
@@ -150,7 +158,7 @@ def solved(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar], mass: flo
         # what is not a number will not be one after more sweeps either
         return where(at.error >= tolerance * tolerance, 1.0, 0.0) < 0.5
 
-    return repeat(MAX_SWEEPS, turn, start, found)
+    return repeat(MAX_SWEEPS, turn, replace(start, k=0.0, error=_FAR), found)
 
 
 def _full_step(sweep: Sweep, terms: Terms, at: Iterate, theta: Scalar) -> tuple[Iterate, Values]:

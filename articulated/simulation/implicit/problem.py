@@ -11,6 +11,7 @@ from articulated.scalar import Scalar, minimum
 from articulated.simulation.contact.gaps import Gap, tangents
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.laws import Cone, Drive, Hinge
+from articulated.simulation.implicit.newton import Terms
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import NEAR_RIGID, SLIP_SPEED, Contact, JointTerm
 from articulated.simulation.scene import Numbers, Scene
@@ -84,3 +85,10 @@ def linear_part(start: Standing, v: Sequence[Scalar], forces: Forces, h: Scalar)
         for s, (c, b) in zip(scene.drives.coordinates, drives(start, forces, h), strict=True):
             p[s], mass[s] = p[s] + c, mass[s] + b
     return p, mass
+
+
+def restitutions(scene: Scene, terms: Terms, numbers: Numbers) -> list[Scalar]:
+    """Of all contacts, then of all stops."""
+    materials = [numbers.materials[scene.material[scene.candidate_of(n)]] for n in range(scene.touches)]
+    stops = [numbers.stop_restitution for joint in terms.joints for _ in joint.stops]
+    return [*(material.restitution for material in materials), *stops]

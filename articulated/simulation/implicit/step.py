@@ -7,6 +7,7 @@ is a `Stance`. Order 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from articulated.dynamics.configuration import integrate
 from articulated.dynamics.joints import Ball
@@ -16,12 +17,13 @@ from articulated.scalar import Scalar, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import gaps, tangents
 from articulated.simulation.forces import Forces, dot
 from articulated.simulation.implicit.momentum import along_coordinates, momenta
-from articulated.simulation.implicit.newton import Iterate, Terms, solved
-from articulated.simulation.implicit.problem import ANCHORING, contacts, drives, joint_terms, linear_part
+from articulated.simulation.implicit.newton import Iterate, Terms, begin, solved
+from articulated.simulation.implicit.problem import ANCHORING, contacts, drives, joint_terms, linear_part, restitutions
+from articulated.simulation.implicit.rebound import rebounded
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.sweep import Sweep
 from articulated.simulation.implicit.terms import SLIP_SPEED, Contact
-from articulated.spatial import Mat3, Motion, Vec3
+from articulated.spatial import Mat3, Vec3
 from articulated.spatial.rotation import rotation_of_quaternion
 
 _BALL = Ball()
@@ -32,26 +34,41 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     scene, now = forces.scene, tree(forces.mechanism, start.q)
     v = in_world(now, start.v)
     p, mass = linear_part(start, v, forces, h)
-    carried = along_coordinates(now, momenta(now, start.q, start.v, forces, h))
+    carried = along_coordinates(now, momenta(now, start, forces, h))
     terms = Terms(contacts(scene, gaps(scene, now), start.stance, forces.numbers, h), joint_terms(scene, start, forces, h))
     bodies, coordinates = [c.body for c in terms.contacts], [s for j in terms.joints for s in j.direction]
     sweep = Sweep(now, [a + b for a, b in zip(p, carried, strict=True)], mass, bodies, coordinates)
-    found = solved(sweep, terms, now, v, scene.rig.mass, forces.numbers.tolerance)
-    v_new, V_new = sweep.rest(found.v)
+    start_at, tolerance = begin(sweep, terms, now, v), forces.numbers.tolerance
+    if scene.rebounds:
+        given = restitutions(scene, terms, forces.numbers)
+        gravity = Vec3.of(forces.gravity)
+        found, along = rebounded(sweep, terms, start_at, given, gravity, scene.rig.mass, tolerance, h)
+    else:
+        found = solved(sweep, terms, start_at, scene.rig.mass, tolerance)
+        along = found.v
+    v_new, _ = sweep.rest(found.v)
+    v_moving, _ = sweep.rest(along)
     efforts = _efforts(start, terms, found, forces, v_new, h)
-    work = start.work + _work(now, terms, found, forces, efforts, (v, v_new), V_new, h)
-    return Standing(*_moved(now, start.q, v_new, h), work, _stance(start.stance, terms, found, forces, efforts, h))
+    work = start.work + _work(now, terms, found, forces, efforts, (v, v_new), h)
+    q_new, v_end = _moved(now, start.q, v_moving, v_new, h)
+    stance = _stance(start.stance, terms, found, forces, efforts, h)
+    if scene.rebounds:
+        _, v_along = _moved(now, start.q, v_moving, v_moving, h)
+        stance = replace(stance, shift=[a - b for a, b in zip(v_along, v_end, strict=True)])
+    return Standing(q_new, v_end, work, stance)
 
 
-def _moved(now: Tree, q: Sequence[Scalar], v: Sequence[Scalar], h: Scalar) -> tuple[list[Scalar], list[Scalar]]:
-    """q after a step with these velocities, and them as the outside has them there.
+def _moved(
+    now: Tree, q: Sequence[Scalar], v: Sequence[Scalar], v_end: Sequence[Scalar], h: Scalar
+) -> tuple[list[Scalar], list[Scalar]]:
+    """q after a step with the velocities v, and those at its end as the outside has them there.
 
     A free root moves straight, and its velocity is in its own axes: those at the end of the step.
     """
     m = now.mechanism
     q_new = integrate(m, q, [h * x for x in v])
     if not is_free(m):
-        return q_new, list(v)
+        return q_new, list(v_end)
     joint, R_WP = m.joints[ROOT], m.placement[ROOT].R
     at, linear, angular = joint.q[0], Vec3.of([v[s] for s in joint.v[:3]]), Vec3.of([v[s] for s in joint.v[3:]])
     step = R_WP.transpose_times(linear * h)
@@ -59,7 +76,7 @@ def _moved(now: Tree, q: Sequence[Scalar], v: Sequence[Scalar], h: Scalar) -> tu
     quat_xyzw = _BALL.integrate(q[at + 3 : at + 7], list(turn))
     q_new[at : at + 7] = [*(x + dx for x, dx in zip(q[at : at + 3], step, strict=True)), *quat_xyzw]
     R_WB = (Mat3.identity() @ R_WP) @ rotation_of_quaternion(quat_xyzw)
-    return q_new, in_root(m, R_WB, v)
+    return q_new, in_root(m, R_WB, v_end)
 
 
 def _efforts(start: Standing, terms: Terms, found: Iterate, forces: Forces, v: Sequence[Scalar], h: Scalar) -> list[Scalar]:
@@ -79,10 +96,9 @@ def _work(
     forces: Forces,
     efforts: Sequence[Scalar],
     velocities: tuple[Sequence[Scalar], Sequence[Scalar]],
-    V_new: Sequence[Motion | None],
     h: Scalar,
 ) -> Scalar:
-    """Of all forces but weight: impulse times mean velocity, which is the change of kinetic energy for a constant mass matrix."""
+    """Of all forces but weight: impulse times mean velocity, the change of kinetic energy for a constant mass matrix."""
     m, (v, v_new) = now.mechanism, velocities
     mean = [0.5 * (a + b) for a, b in zip(v, v_new, strict=True)]
     impulse = [h * (tau - d * x) for tau, d, x in zip(forces.tau, m.damping, v_new, strict=True)]
@@ -119,6 +135,7 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
     return Stance(
         anchors,
         slack,
+        before.shift,
         [[-(x / h) for x in y] for y in found.y.contacts],
         list(efforts),
         maximum(before.residual, residual),
