@@ -117,6 +117,11 @@ class _Printer:
             lines.append(f"    const {kind} x{i} = {self._operation(node, here)};\n")
             if i in self.plan.slots:
                 lines.append(f"    s[{self.plan.slots[i]}] = {f'({self.real})x{i}' if kind == 'int' else f'x{i}'};\n")
+            if i in chunk.kept:
+                carried, unless = chunk.kept[i]
+                place = f"s[{self.plan.slot(carried)}]"
+                stays = "" if unless is None else f"{self.value(unless, here)} ? {place} : "
+                lines.append(f"    {place} = {stays}x{i};\n")
         return "".join(lines)
 
     def value(self, i: int, here: set[int]) -> str:

@@ -46,7 +46,8 @@ class Lowering:
         text = kernel.function()
         chunks, self.scratch = kernel.chunks, kernel.transfers.scratch
         self.operations = sum(1 for _ in schedule.operations())
-        self.tile = _TILE if f.lanes > 1 and self.operations > _INSTRUCTIONS and not __import__("os").environ.get("T1") else 1
+        early = any(loop.until is not None for loop in schedule.loops)  # fewer states end sooner
+        self.tile = _TILE if f.lanes > 1 and self.operations > _INSTRUCTIONS and not early else 1
         arrays = (*program.arguments, *program.results)
         small = self.scratch * self.tile <= STACK and (f.lanes > 1 or not f.single)
         plain = small and not any(array.rows for array in arrays)

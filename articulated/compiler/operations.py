@@ -18,6 +18,8 @@ def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format) -> st
     operations = _Operations(schedule, f)
     for i in chunk.nodes:
         operations.compute(i)
+        if i in chunk.kept:
+            operations.replace(i, *chunk.kept[i])
     _copy(chunk, operations)
     return operations.text.function("void", name, "ptr noalias %scratch", linkage="")
 
@@ -58,6 +60,13 @@ class _Operations:
             if self.schedule.nodes[i][0] in MASKS:
                 x = text.let(f"select {text.M} {x}, {text.V} {self.f.constant(1.0)}, {text.V} zeroinitializer")
             self.store(i, x)
+
+    def replace(self, i: int, carried: int, unless: int | None) -> None:
+        """Put a node's value in the place of a carried one, but for states for which the mask holds."""
+        x, text = self.values[i], self.text
+        if unless is not None:
+            x = text.let(f"select {text.M} {self.value(unless)}, {text.V} {self.loaded(carried)}, {text.V} {x}")
+        self.store(carried, x)
 
     def value(self, i: int) -> str:
         """A node's value, from where it is at hand."""

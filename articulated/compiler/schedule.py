@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from articulated.compiler.graph import LEAVES, Graph, Loop, Node, operands
+from articulated.compiler.graph import LEAVES, MASKS, Graph, Loop, Node, operands
 
 CHUNK = 1000
 """Operations in a chunk."""
@@ -21,12 +21,14 @@ CHUNK = 1000
 class Chunk:
     """Nodes computed one after the other; then copies, all at once: from a node to the slot of another.
 
-    A copy into a loop's carried values is not made for states for which the mask node `unless` holds.
+    A copy into a loop's carried values is not made for states for which the mask node `unless` holds. Some nodes take such a
+    value's place at once, on the same terms: `kept` has for each that value's node and the mask, or None.
     """
 
     nodes: list[int] = field(default_factory=list)
     copies: list[tuple[int, int]] = field(default_factory=list)
     unless: int | None = None
+    kept: dict[int, tuple[int, int | None]] = field(default_factory=dict)
 
 
 @dataclass(eq=False)
@@ -257,16 +259,59 @@ class _Walk:
         here = set(self.by_region[loop.region])
         carried = [k for k, i in enumerate(loop.carried) if i in here]
         enter = [(loop.initial[k], loop.carried[k]) for k in carried]
+        inside = self.region(loop.region)
         moved = [(loop.following[k], loop.carried[k]) for k in carried if loop.following[k] != loop.carried[k]]
+        at_once = _at_once(self.nodes, self.graph.loops, inside, moved)
+        for chunk in (item for item in inside if isinstance(item, Chunk)):
+            chunk.kept = {i: (at_once[i], loop.until) for i in chunk.nodes if i in at_once}
+        moved = [copy for copy in moved if copy[0] not in at_once]
         # what is overwritten is copied first
         overwritten = {target for _, target in moved}
         first = [copy for copy in moved if copy[0] in overwritten]
         rest = [copy for copy in moved if copy[0] not in overwritten]
-        body = [*self.region(loop.region), Chunk(copies=first, unless=loop.until), *self._copies(rest, loop.until)]
+        body = [*inside, Chunk(copies=first, unless=loop.until), *self._copies(rest, loop.until)]
         return [*self._copies(enter, None), Repeat(loop, body)]
 
     def _copies(self, copies: list[tuple[int, int]], unless: int | None) -> list[Item]:
         return [Chunk(copies=copies[k : k + self.chunk // 4], unless=unless) for k in range(0, len(copies), self.chunk // 4)]
+
+
+def _at_once(
+    nodes: Sequence[Node], loops: Sequence[Loop], inside: Sequence[Item], moved: Sequence[tuple[int, int]]
+) -> dict[int, int]:
+    """Of the nodes that a loop carries on, those that can take the old value's place as soon as they are computed.
+
+    That is where nothing needs the old value any more, and nothing but the chunk that computes it the new one.
+    """
+    order: dict[int, tuple[int, int]] = {}
+    last: dict[int, tuple[int, int]] = {}
+    for n, item in enumerate(inside):
+        if isinstance(item, Chunk):
+            order.update((i, (n, k)) for k, i in enumerate(item.nodes))
+        for k, i in _reads_of(nodes, loops, item):
+            last[i] = max(last.get(i, (-1, -1)), (n, k))
+    sources = [source for source, _ in moved]
+    result = {}
+    for source, target in moved:
+        alone = sources.count(source) == 1 and target not in sources
+        stays = source in order and last.get(source, order[source])[0] == order[source][0]
+        if alone and stays and last.get(target, (-1, -1)) <= order[source] and nodes[source][0] not in MASKS:
+            result[source] = target
+    return result
+
+
+def _reads_of(nodes: Sequence[Node], loops: Sequence[Loop], item: Item) -> Iterator[tuple[int, int]]:
+    """What an item reads, each with its place in a chunk."""
+    if isinstance(item, Chunk):
+        for k, i in enumerate(item.nodes):
+            yield from ((k, resolved(a, nodes, loops)) for a in operands(nodes[i]))
+        yield from ((len(item.nodes), resolved(source, nodes, loops)) for source, _ in item.copies)
+    elif isinstance(item, Repeat):
+        yield from ((0, i) for part in item.items for _, i in _reads_of(nodes, loops, part))
+    elif isinstance(item, (Exit, Check)):
+        yield 0, item.mask
+    elif isinstance(item, Write):
+        yield from ((0, resolved(i, nodes, loops)) for _, i in item.scalars)
 
 
 def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) -> tuple[dict[int, int], int]:
@@ -298,6 +343,10 @@ def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) 
                     defined.setdefault(target, position)
                     use(source, around)
                     use(target, around)
+                for target, mask in item.kept.values():
+                    use(target, around)
+                    if mask is not None:
+                        use(mask, around)
                 if item.unless is not None:
                     use(item.unless, around)
             elif isinstance(item, (Exit, Check)):

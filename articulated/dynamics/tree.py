@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from articulated.dynamics.kinematics import combination, placements
 from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.scalar import Scalar
-from articulated.spatial import Force, Mat3, Motion, Pose, RigidInertia, UnitMotion, Vec3
+from articulated.spatial import Force, Mat3, Motion, Pose, RigidInertia, Sym3, UnitMotion, Vec3
 
 ROOT = 0
 """The first body: the root's, if it is free."""
@@ -48,8 +48,12 @@ class Tree:
         return V
 
     def inertia(self, i: int) -> RigidInertia:
-        """The inertia of a body."""
-        return self.X[i].rigid_to_parent(self.mechanism.inertia[i])
+        """The inertia of a body: about its centre of mass, and of a point there, RBDA 2.62."""
+        inertia, c = self.mechanism.inertia[i], self.center(i)
+        h = c * inertia.mass
+        x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
+        point = Sym3(y + z, -(h.x * c.y), -(h.x * c.z), x + z, -(h.y * c.z), x + y)
+        return RigidInertia(inertia.mass, h, self.X[i].R.conjugate_symmetric(about_center(inertia)) + point)
 
     def center(self, i: int) -> Vec3:
         """The centre of mass of a body."""
@@ -90,6 +94,13 @@ def in_root(mechanism: Mechanism, R_WB: Mat3, v: Sequence[Scalar]) -> list[Scala
 def center_of_mass(inertia: RigidInertia) -> Vec3:
     """Of a body, in the body; its origin if it has no mass."""
     return inertia.h * (1.0 / inertia.mass) if inertia.mass > 0.0 else Vec3.zero()
+
+
+def about_center(inertia: RigidInertia) -> Sym3:
+    """The rotational inertia of a body about its centre of mass, in the body."""
+    h, c = inertia.h, center_of_mass(inertia)
+    x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
+    return inertia.J - Sym3(y + z, -(h.x * c.y), -(h.x * c.z), x + z, -(h.y * c.z), x + y)
 
 
 def _root_turned(mechanism: Mechanism, v: Sequence[Scalar], turn) -> list[Scalar]:

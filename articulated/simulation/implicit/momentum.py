@@ -10,12 +10,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from articulated.dynamics.configuration import integrate
-from articulated.dynamics.mechanism import WORLD, Mechanism
-from articulated.dynamics.tree import Tree, center_of_mass, force_at, in_world, tree
+from articulated.dynamics.mechanism import WORLD
+from articulated.dynamics.tree import Tree, about_center, force_at, in_world, tree
 from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.stance import Standing
-from articulated.spatial import Force, RigidInertia, Sym3, Vec3
+from articulated.spatial import Force, Vec3
 
 
 def momenta(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[Force]:
@@ -38,7 +38,7 @@ def momenta(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[Force
         R_WB = before.X[i].R
         at_center = V[i].linear + V[i].angular.cross(before.center(i))
         linear = (at_center + fall) * inertia.mass
-        spin = R_WB @ (_about_center(inertia) @ R_WB.transpose_times(V[i].angular))
+        spin = R_WB @ (about_center(inertia) @ R_WB.transpose_times(V[i].angular))
         F.append(force_at(now.center(i), linear, spin))
     for (i, X_BL), wrench in zip(mechanism.links, forces.external or (), strict=bool(forces.external)):
         if i != WORLD:
@@ -57,10 +57,3 @@ def along_coordinates(now: Tree, F: Sequence[Force]) -> list[Scalar]:
         if (parent := mechanism.parent[i]) != WORLD:
             total[parent] = total[parent] + total[i]
     return p
-
-
-def _about_center(inertia: RigidInertia) -> Sym3:
-    """The rotational inertia of a body about its centre of mass."""
-    h, c = inertia.h, center_of_mass(inertia)
-    x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
-    return inertia.J - Sym3(y + z, -h.x * c.y, -h.x * c.z, x + z, -h.y * c.z, x + y)

@@ -226,9 +226,7 @@ def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, mass: float
     done = where(settled > 0.5, 1.0, where(at_end <= enough, 1.0, 0.0))
     secant = at_start / minimum(at_start - at_end, -1e-30)
     secant = minimum(maximum(secant, 0.0), 1.0)
-    first = _before_turning(1.0, 0.0, terms.bends(full.u, du, full.limits))
-    first = where(first > 0.0, first, secant)
-    start = _Line(1.0, square, first, 0.0, 1.0, done)
+    start = _Line(1.0, square, secant, 0.0, 1.0, done)
 
     def turn(line: _Line) -> _Line:
         alpha, dy = line.following, full.y.minus(at.y)
@@ -241,8 +239,17 @@ def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, mass: float
         following = _before_turning(alpha, where((low < newton) & (newton < high), newton, middle), bends)
         return _Line(alpha, square, following, low, high, where(absolute(first) <= enough, 1.0, 0.0))
 
-    line = repeat(_SEARCHES, turn, start, lambda line: line.done > 0.5)
+    def search(line: _Line) -> _Line:
+        turning = _before_turning(1.0, 0.0, terms.bends(at.u.moved(line.alpha, full.u), du, full.limits))
+        first = replace(line, following=where(turning > 0.0, turning, line.following))
+        return repeat(_SEARCHES, turn, first, _is_done)
+
+    line = repeat(1, search, start, _is_done)  # not at all, if no state needs it
     return line.alpha, line.square
+
+
+def _is_done(line: _Line) -> Scalar:
+    return line.done > 0.5
 
 
 def _before_turning(alpha: Scalar, following: Scalar, bends: Sequence[Bend]) -> Scalar:

@@ -117,7 +117,8 @@ class Contact:
         yn = self.n.dot(y)
         across, off = x * s - (y - self.n * yn), push + yn
         mass = 1.0 / self.w
-        square = across.dot(across) / (mass + where(sliding > 0.0, 0.0, s)) + off * off / (mass + along)
+        hard, stiff = mass + along, mass + where(sliding > 0.0, 0.0, s)
+        square = (across.dot(across) * hard + off * off * stiff) / (hard * stiff)
         return across - self.n * off, square
 
     def bend(self, u: Vec3, du: Vec3, limit: Scalar) -> Bend:
