@@ -30,10 +30,13 @@ def compliance(scene: Scene, numbers: Numbers, q: Sequence[Scalar], v: Sequence[
     """What it gives at q and v, for drives that are so far from their targets."""
     m = scene.mechanism
     tau: list[Scalar] = [0.0] * m.nv
-    for s, room in scene.room(q).items():
-        stiffness, dissipation = numbers.stop_stiffness / scene.joint_felt(s), numbers.stop_dissipation
-        low, high = (_push(gap, u, stiffness, dissipation) for gap, u in ((room[0], v[s]), (room[1], -v[s])))
-        tau[s] = tau[s] + low - high
+    for room in scene.room(q):
+        stiffness, dissipation = numbers.stop_stiffness / room.w, numbers.stop_dissipation
+        speed = sum((x * v[s] for s, x in room.direction.items()), 0.0)
+        for sign, left in room.ends:
+            push = _push(left, speed * sign, stiffness, dissipation) * sign
+            for s, x in room.direction.items():
+                tau[s] = tau[s] + push * x
     for k, s in enumerate(scene.drives.coordinates if scene.drives else ()):
         wanted = numbers.drives.stiffness[k] * errors[k] - numbers.drives.damping[k] * v[s]
         if scene.drives.limited:

@@ -6,6 +6,7 @@ turn, such as friction and gains, are arguments of what was compiled: changing t
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,16 +15,18 @@ import numpy as np
 
 from articulated.compiler import evaluate
 from articulated.dynamics.mass_matrix import mass_matrix
-from articulated.dynamics.mechanism import Mechanism, content, mechanism
+from articulated.dynamics.mechanism import Mechanism, TreeJoint, content, mechanism
 from articulated.dynamics.tree import Tree, tree
 from articulated.rig import Rig
-from articulated.scalar import Scalar
+from articulated.scalar import Scalar, sqrt
 from articulated.simulation.contact.candidates import Candidate
 from articulated.simulation.contact.ground import Surface
 from articulated.spatial import Vec3
+from articulated.spatial.rotation import quaternion_log
 
 _UNLIMITED = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""
+_TINY = 1e-20
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,21 @@ class Drives:
 
     coordinates: tuple[int, ...]
     limited: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """How far a joint is from its stops.
+
+    Attributes:
+        direction: in which its coordinates move towards or from them: a speed is Σ c_s v_s.
+        ends: the sign of the direction in which each stop pushes, and the room left before it [rad or m].
+        w: how much velocity an impulse gives [1/kg or 1/(kg m²)].
+    """
+
+    direction: dict[int, Scalar]
+    ends: tuple[tuple[float, Scalar], ...]
+    w: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +87,14 @@ class Scene:
         """All that it is made of: scenes of equal content move alike."""
         parts = self.surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
+        limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
         return repr((*parts, self.drives, limits)).encode() + content(self.rig)
 
     @property
     def is_stiff(self) -> bool:
         """Whether anything in it is that an explicit method may not get over."""
         m = self.mechanism
-        return bool(self.touches or self.stopped or self.drives or any(m.damping) or any(m.friction))
+        return bool(self.touches or self.stopped or self.cones or self.drives or any(m.damping) or any(m.friction))
 
     @property
     def touches(self) -> int:
@@ -102,11 +121,28 @@ class Scene:
         inside = (self.rig.lower > -_UNLIMITED) | (self.rig.upper < _UNLIMITED)
         return np.flatnonzero(inside).tolist()
 
-    def room(self, q: Sequence[Scalar]) -> dict[int, tuple[Scalar, Scalar]]:
-        """For each of these, how far it is from its lower and from its upper limit."""
+    @cached_property
+    def cones(self) -> list[TreeJoint]:
+        """Ball joints that may only turn so far, which is enforced."""
+        joints = self.rig.joints
+        balls = [j for j in self.mechanism.own_joints() if joints[j.name].kind == "ball"]
+        return [j for j in balls if self.stops and joints[j.name].limits.upper < math.pi]
+
+    def room(self, q: Sequence[Scalar]) -> list[Room]:
+        """Of all stops, coordinates' before ball joints'."""
         lower, upper = self.rig.lower, self.rig.upper
         at = {s: k for j in self.mechanism.own_joints() if len(j.q) == len(j.v) for s, k in zip(j.v, j.q, strict=True)}
-        return {s: (q[at[s]] - float(lower[s]), float(upper[s]) - q[at[s]]) for s in self.stopped}
+        rooms = []
+        for s in self.stopped:
+            ends = (1.0, q[at[s]] - float(lower[s])), (-1.0, float(upper[s]) - q[at[s]])
+            rooms.append(Room({s: 1.0}, ends, self.joint_felt([s])))
+        for joint in self.cones:
+            turn = quaternion_log(joint.configuration(q))
+            angle = sqrt(turn.dot(turn) + _TINY)
+            direction = dict(zip(joint.v, turn * (1.0 / angle), strict=True))
+            left = self.rig.joints[joint.name].limits.upper - angle
+            rooms.append(Room(direction, ((-1.0, left),), self.joint_felt(joint.v)))
+        return rooms
 
     def felt(self, n: int) -> float:
         """How much velocity an impulse at the n-th contact gives, on average over directions, the rig neutral [1/kg]."""
@@ -119,9 +155,9 @@ class Scene:
                 J[:, s] += np.array(list(column.linear)) + np.cross(list(column.angular), r)
         return float(np.linalg.norm(np.diag(J @ self._inverse_mass @ J.T)) / np.sqrt(3.0))
 
-    def joint_felt(self, s: int) -> float:
-        """Likewise a coordinate's own [1/kg or 1/(kg m²)]."""
-        return float(self._inverse_mass[s, s])
+    def joint_felt(self, coordinates: Sequence[int]) -> float:
+        """Likewise along coordinates of a joint [1/kg or 1/(kg m²)]."""
+        return float(np.mean([self._inverse_mass[s, s] for s in coordinates]))
 
     @cached_property
     def _neutral(self) -> Tree:

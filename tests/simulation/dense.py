@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 import articulated as art
 from articulated.simulation.implicit.terms import NEAR_RIGID, SIGMA, SLIP_SPEED
@@ -74,9 +75,20 @@ class Dense:
                 for s, k in zip(range(j.v_slice.start, j.v_slice.stop), range(j.q_slice.start, j.q_slice.stop), strict=True)
             }
             some = [s for s in at if np.isfinite(rig.lower[s]) or np.isfinite(rig.upper[s])]
-            mass = np.minimum(h * h * self.stops.stiffness, NEAR_RIGID) / self.w_joint[some]
-            low, high = q[[at[s] for s in some]] - rig.lower[some], rig.upper[some] - q[[at[s] for s in some]]
-            self.room = some, [(-gap * mass / h, mass, np.full(len(some), self.stops.dissipation)) for gap in (low, high)]
+            where = [at[s] for s in some]
+            rows = [*np.eye(rig.nv)[some], *-np.eye(rig.nv)[some]]
+            gaps = [*(q[where] - rig.lower[some]), *(rig.upper[some] - q[where])]
+            felt = [*self.w_joint[some], *self.w_joint[some]]
+            for joint in rig.joints.values():
+                if joint.kind == "ball" and joint.limits.upper < np.pi:
+                    turn = Rotation.from_quat(q[joint.q_slice]).as_rotvec()
+                    row = np.zeros(rig.nv)
+                    row[joint.v_slice] = -turn / np.linalg.norm(turn)
+                    rows.append(row)
+                    gaps.append(joint.limits.upper - np.linalg.norm(turn))
+                    felt.append(self.w_joint[joint.v_slice].mean())
+            mass = np.minimum(h * h * self.stops.stiffness, NEAR_RIGID) / np.array(felt)
+            self.room = np.array(rows), (-np.array(gaps) * mass / h, mass, np.full(len(rows), self.stops.dissipation))
         u = self.J @ v
         self.cone = self.material.friction * self.push(self.hinges, u[:, 2])[0]
 
@@ -102,10 +114,10 @@ class Dense:
         self.G[:, 2, 2] = slope
         g, H = np.einsum("cij,ci->j", self.J, self.g), np.einsum("cia,cij,cjb->ab", self.J, self.G, self.J)
         if self.room is not None:
-            some, (low, high) = self.room
-            (n_low, s_low), (n_high, s_high) = self.push(low, v[some]), self.push(high, -v[some])
-            g[some] += n_high - n_low
-            H[some, some] += s_low + s_high
+            rows, hinges = self.room
+            push, slope = self.push(hinges, rows @ v)
+            g -= rows.T @ push
+            H += rows.T @ np.diag(slope) @ rows
         if self.limit is not None:
             most, wanted = self.limit * self.h, self.c - self.b * v
             free = np.abs(wanted) <= most

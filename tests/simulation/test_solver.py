@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from conftest import example_robots
-from simulation.dense import Dense, near_ground
 
 import articulated as art
+from simulation.dense import Dense, near_ground
 
 ROBOTS = {
     "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
@@ -62,12 +62,10 @@ def test_solution_is_that_of_a_dense_solver(name, limited):
     rig = rig.with_joints(damping=0.05, friction=0.1) if limited else rig.with_joints(damping=0.05)
     points = points_of(rig)
     free = np.arange(rig.nv) >= 6
-    stops = art.Stops() if name != "ragdoll" else None
+    stops = art.Stops()
     pd = art.PD(stiffness=30.0, damping=1.0, limit=2.0 if limited else np.inf)
     ground = art.Ground(friction=0.8, stiffness=5e4, dissipation=10.0)
-    simulation = art.Simulation(
-        rig, dt=h, ground=ground, contact_points=points, limits=stops or False, actuation=pd, tolerance=1e-12
-    )
+    simulation = art.Simulation(rig, dt=h, ground=ground, contact_points=points, limits=stops, actuation=pd, tolerance=1e-12)
     q, v = near_ground(rig, points, 50, rng)
     q[:, 2] -= np.linspace(0.0, 0.02, len(q))
     target = rig.neutral()

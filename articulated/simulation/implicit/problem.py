@@ -49,13 +49,17 @@ def hinge(gap: Scalar, stiffness: Scalar, dissipation: Scalar, w: float, h: Scal
 
 
 def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:
-    """Stops, limited drives and dry friction, one term for each coordinate that has any of them."""
+    """Stops, limited drives and dry friction, one term for each coordinate that has any of them; then stops of balls."""
     m, numbers = scene.mechanism, forces.numbers
     stops: dict[int, tuple[tuple[float, Hinge], ...]] = {}
-    for s, (below, above) in scene.room(start.q).items():
-        w = scene.joint_felt(s)
-        ends = ((1.0, below), (-1.0, above))
-        stops[s] = tuple((sign, hinge(room, numbers.stop_stiffness / w, numbers.stop_dissipation, w, h)) for sign, room in ends)
+    cones: list[JointTerm] = []
+    for room in scene.room(start.q):
+        stiffness, dissipation = numbers.stop_stiffness / room.w, numbers.stop_dissipation
+        ends = tuple((sign, hinge(left, stiffness, dissipation, room.w, h)) for sign, left in room.ends)
+        if len(room.direction) == 1:
+            stops.update((s, ends) for s in room.direction)
+        else:
+            cones.append(JointTerm(room.direction, ends, None, None, room.w))
     motors: dict[int, Drive] = {}
     if scene.drives and scene.drives.limited:
         for k, (s, (c, b)) in enumerate(zip(scene.drives.coordinates, drives(start, forces, h), strict=True)):
@@ -64,7 +68,8 @@ def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> lis
     for s, slack in zip(rubbing(m), start.stance.slack, strict=True):
         dry[s] = Cone(h * m.friction[s], SLIP_SPEED), slack * (ANCHORING / h)
     acted = sorted({*stops, *motors, *dry})
-    return [JointTerm({s: 1.0}, stops.get(s, ()), motors.get(s), dry.get(s), scene.joint_felt(s)) for s in acted]
+    alone = [JointTerm({s: 1.0}, stops.get(s, ()), motors.get(s), dry.get(s), scene.joint_felt([s])) for s in acted]
+    return [*alone, *cones]
 
 
 def drives(start: Standing, forces: Forces, h: Scalar) -> list[tuple[Scalar, Scalar]]:

@@ -127,7 +127,8 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
         u, y, limit = Vec3.of(found.u.contacts[n]), Vec3.of(found.y.contacts[n]), found.limits[n]
         stretch = _stretch(contact, u, y, limit, h)
         anchors.append([axis.dot(stretch) for axis in tangents(scene.surface_of(n))])
-    speed = {s: u for joint, u in zip(terms.joints, found.u.joints, strict=True) for s in joint.direction}
+    dry = [(joint, u) for joint, u in zip(terms.joints, found.u.joints, strict=True) if joint.dry is not None]
+    speed = {s: u for joint, u in dry for s in joint.direction}
     longest = SLIP_SPEED * h / ANCHORING
     rubbed = zip(rubbing(scene.mechanism), before.slack, strict=True)
     slack = [minimum(maximum(x + h * speed[s], -longest), longest) for s, x in rubbed]
