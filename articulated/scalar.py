@@ -82,6 +82,11 @@ def maximum(a: Scalar, b: Scalar) -> Scalar:
     return where(a > b, a, b)
 
 
+def unfolded(x: float, beside: Scalar) -> Scalar:
+    """A constant that no compiler computes with beforehand, so that what it meets has the bits that it has beside a variable."""
+    return beside.unfolded(x) if hasattr(beside, "unfolded") else x
+
+
 def is_zero(x: Scalar) -> bool:
     """Whether `x` is the constant 0, known before any state is: a question about the program, not about a value."""
     return isinstance(x, (float, int)) and x == 0

@@ -143,6 +143,8 @@ class _Printer:
             return f"{x[0]} {_INFIX[op]} {x[1]}"
         if op in _CALLS:
             return f"{_CALLS[op]}({x[0]})"
+        if op == "same":
+            return x[0]
         if op == "neg":
             return f"-{x[0]}"
         if op == "select":

@@ -10,7 +10,7 @@ const x           a number                                         lt le eq a b,
 input a k         scalar k of argument a                           select m a b         a where the mask m holds, else b
 row l a k         the same of a row, one row a turn of loop l      bit n a              mask: bit n of the number's pattern
 add sub mul div   a + b, a − b, a b, a / b                         power2 a             2^k for a = magic + k (see elementary)
-neg abs sqrt      −a, |a|, √a                                      exponent, fraction   of a = fraction 2^exponent, ½√2 … √2
+neg abs sqrt same −a, |a|, √a, a                                     exponent, fraction   of a = fraction 2^exponent, ½√2 … √2
 fma a b c         a b + c, rounded once (chosen by the schedule)   carried, after l k   what loop l carries: in it, after it
 loop l            where loop l stands
 """
@@ -299,6 +299,10 @@ class Traced:
 
     def sqrt(self) -> Scalar:
         return self.graph.scalar(self.graph.sqrt(self.index))
+
+    def unfolded(self, x: float) -> Traced:
+        """A constant that takes part in no simplification."""
+        return Traced(self.graph, self.graph.node("same", self.graph.constant(x)))
 
     def where(self, a: Scalar, b: Scalar) -> Scalar:
         """`a` where this mask holds, else `b`."""

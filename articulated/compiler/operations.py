@@ -106,6 +106,8 @@ class _Operations:
             return text.let(f"fcmp {_COMPARISON[op]} {V} {x[0]}, {x[1]}")
         if op in _INTRINSIC:
             return text.intrinsic(_INTRINSIC[op], x[0])
+        if op == "same":
+            return x[0]
         if op == "neg":
             return text.let(f"fneg {V} {x[0]}")
         if op == "and":

@@ -46,7 +46,7 @@ class Stops:
     """
 
     period: float = 0.005
-    dissipation: float = 1.0
+    dissipation: float = 5.0
     restitution: float = 0.0
 
     def __post_init__(self):

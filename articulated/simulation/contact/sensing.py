@@ -55,12 +55,12 @@ def contact_geometry(scene: Scene, q: np.ndarray) -> np.ndarray:
     """Points, normals and gaps of all contacts, shape (..., n, 7)."""
     if not scene.touches:
         return np.zeros((*q.shape[:-1], 0, 7))
-    given = [Argument("q", q, (scene.rig.nq,)), Argument("scene", _Key(scene), (), role="constant")]
-    return call(scene.rig, _geometry, given, (scene.touches, 7), None, None, watched=False)
+    given = [Argument("q", q, (scene.rig.nq,))]
+    return call(scene.rig, _geometry, given, (scene.touches, 7), None, None, watched=False, key=_Key(scene))
 
 
 class _Key:
-    """A scene as an argument that a program is made for: equal where its content is."""
+    """A scene as a constant of a program: equal where its content is."""
 
     def __init__(self, scene: Scene):
         self.scene = scene

@@ -78,10 +78,11 @@ class Values:
     joints: list[Scalar]
 
     def moved(self, alpha: Scalar, to: Values) -> Values:
-        """This part of the way to others."""
+        """This part of the way to others; all of it is exactly these."""
+        left = 1.0 - alpha
         return Values(
-            [[x + alpha * (y - x) for x, y in zip(a, b, strict=True)] for a, b in zip(self.contacts, to.contacts, strict=True)],
-            [x + alpha * (y - x) for x, y in zip(self.joints, to.joints, strict=True)],
+            [[y - left * (y - x) for x, y in zip(a, b, strict=True)] for a, b in zip(self.contacts, to.contacts, strict=True)],
+            [y - left * (y - x) for x, y in zip(self.joints, to.joints, strict=True)],
         )
 
     def minus(self, other: Values) -> Values:
@@ -145,10 +146,11 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
         if terms.contacts:
             full = replace(full, limits=_limits(terms, full, at))
         alpha, square = _searched(terms, at, full, off, mass, where(bounded, 1.0, where(found(at), 1.0, 0.0)))
+        left = 1.0 - alpha
         return replace(
             full,
             k=at.k + 1.0,
-            v=[x + alpha * (y - x) for x, y in zip(at.v, full.v, strict=True)],
+            v=[y - left * (y - x) for x, y in zip(at.v, full.v, strict=True)],
             u=at.u.moved(alpha, full.u),
             y=at.y.moved(alpha, full.y),
             error=square * (1.0 / mass),

@@ -1,13 +1,13 @@
 """Restitution: a second solve after the first, in which what came together leaves again, Newton's law at each point.
 
 The first solve gives v₁, as if nothing rebounded. In the second, contacts that pushed and had come faster than a threshold are
-nearly rigid about the velocity −e u⁻; all others keep their laws. With several contacts, and with friction, Newton's law can give
-more than came in (Kane 1984): of the way from v₁ to what the second solve finds only as much is taken as leaves no work done by
-the contacts. Positions move with v₁ up to the part τ of the step at which the first of them meets, and with v⁺ from there on.
+nearly rigid about the velocity −e u⁻; all others keep their laws. With several contacts, and with friction, Newton's law can
+give more than came in (Kane 1984): of the way from v₁ to what the second solve finds only as much is taken as leaves no work
+done by the contacts. Positions move with v₁ up to the part τ of the step at which the first of them meets, then with v⁺.
 
-In free fall a step's velocity is that of its middle. So speeds of impact and rebound are looked at where they happen: the one half
-a step and τ h after u⁻ was true, the other half a step and (1 − τ) h before u⁺ will be. Then balls rise to e² of the height that
-they fell from, however low that is.
+In free fall a step's velocity is that of its middle. So speeds of impact and rebound are looked at where they happen: the one
+half a step and τ h after u⁻ was true, the other half a step and (1 − τ) h before u⁺ will be. Then balls rise to e² of the height
+that they fell from, however low that is.
 """
 
 from __future__ import annotations

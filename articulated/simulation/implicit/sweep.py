@@ -13,8 +13,8 @@ from articulated.dynamics.elimination import Elimination, Row, merged
 from articulated.dynamics.kinematics import combination
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree
-from articulated.scalar import Scalar
-from articulated.spatial import ArticulatedInertia, Force, Motion
+from articulated.scalar import Scalar, unfolded
+from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
 
 
 @dataclass(eq=False)
@@ -137,8 +137,12 @@ class _Folded:
     @staticmethod
     def begin(tree: Tree) -> _Folded:
         n = tree.mechanism.nbodies
-        IA = [tree.inertia(i).articulated() for i in range(n)]
-        return _Folded(IA, [Force.zero()] * n, {i: [] for i in range(WORLD, n)}, {})
+        # something is added to each body, a load or a zero: so a state has the same bits whatever might, but does not, act on it
+        zero = unfolded(0.0, tree.X[0].R.rows[0].x) if n else 0.0
+        three, six = Vec3(zero, zero, zero), Sym3(*[zero] * 6)
+        nothing = ArticulatedInertia(six, Mat3(three, three, three), six)
+        IA = [tree.inertia(i).articulated() + nothing for i in range(n)]
+        return _Folded(IA, [Force(three, three)] * n, {i: [] for i in range(WORLD, n)}, {})
 
     def copy(self) -> _Folded:
         open_ = {

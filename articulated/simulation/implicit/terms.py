@@ -103,10 +103,10 @@ class Contact:
         return Reaction(x * s - self.n * push, s, theta * s, x * sliding, along, self.n)
 
     def act(self, reaction: Reaction, u: Vec3) -> tuple[ArticulatedInertia, Force]:
-        """What it adds to its body's inertia and bias: G, and g − G u."""
+        """What it adds to its body's inertia and bias: G, and g − G u, with u in the world."""
         G, r = reaction.slope(), Mat3.skew(self.r)
         H = r @ G.as_matrix()
-        b = reaction.g - reaction.times(u)
+        b = reaction.g - reaction.times(u + self.ground)
         return ArticulatedInertia(Sym3.upper_of_product(H, r), H, G), Force(self.r.cross(b), b)
 
     def answer(self, u: Vec3, y: Vec3, limit: Scalar) -> tuple[Vec3, Scalar]:
