@@ -82,6 +82,29 @@ def maximum(a: Scalar, b: Scalar) -> Scalar:
     return where(a > b, a, b)
 
 
+def nearest(x: Scalar) -> Scalar:
+    """The integer nearest to x, the even one of two."""
+    if isinstance(x, _NUMPY):
+        return np.rint(x)
+    if isinstance(x, (float, int)):
+        return float(round(x)) if math.isfinite(x) else x
+    return x.nearest()
+
+
+def lookup(table: Any, k: Scalar) -> Scalar:
+    """Entry k of a table that all states share: a numpy array, shape (n,), or what a tape calls one.
+
+    What is no index takes the nearest that is one; what is not a number takes the first.
+    """
+    k = where(k > 0.0, k, 0.0)
+    k = where(k < len(table) - 1.0, k, len(table) - 1.0)
+    if isinstance(k, _NUMPY):
+        return table[k.astype(np.intp)]
+    if isinstance(k, (float, int)):
+        return float(table[int(k)])
+    return table.entry(k)
+
+
 def unfolded(x: float, beside: Scalar) -> Scalar:
     """A constant that no compiler computes with beforehand, so that what it meets has the bits that it has beside a variable."""
     return beside.unfolded(x) if hasattr(beside, "unfolded") else x

@@ -122,6 +122,12 @@ _ATAN = (
 )
 
 
+def nearest(x: Traced, single: bool) -> Scalar:
+    """The nearest integer, of what is smaller than 2⁵¹ (2²²)."""
+    magic = _MAGIC[single]
+    return (x + magic) - magic
+
+
 def sin(x: Traced, single: bool) -> Scalar:
     """sin x."""
     turns, r, z = _quadrant(x, single)

@@ -12,7 +12,7 @@ row l a k         the same of a row, one row a turn of loop l      bit n a      
 add sub mul div   a + b, a − b, a b, a / b                         power2 a             2^k for a = magic + k (see elementary)
 neg abs sqrt same −a, |a|, √a, a                                     exponent, fraction   of a = fraction 2^exponent, ½√2 … √2
 fma a b c         a b + c, rounded once (chosen by the schedule)   carried, after l k   what loop l carries: in it, after it
-loop l            where loop l stands
+loop l            where loop l stands                              lookup t a           entry a of table t
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class Loop:
 def operands(node: Node) -> Node:
     """The nodes that a node is computed from."""
     op = node[0]
-    return () if op in LEAVES else node[2:] if op == "bit" else node[1:]
+    return () if op in LEAVES else node[2:] if op in ("bit", "lookup") else node[1:]
 
 
 class Graph:
@@ -299,6 +299,9 @@ class Traced:
 
     def sqrt(self) -> Scalar:
         return self.graph.scalar(self.graph.sqrt(self.index))
+
+    def nearest(self) -> Scalar:
+        return elementary.nearest(self, self.graph.single)
 
     def unfolded(self, x: float) -> Traced:
         """A constant that takes part in no simplification."""

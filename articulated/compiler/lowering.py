@@ -50,7 +50,7 @@ class Lowering:
         self.tile = _TILE if f.lanes > 1 and self.operations > _INSTRUCTIONS and not early else 1
         arrays = (*program.arguments, *program.results)
         small = self.scratch * self.tile <= STACK and (f.lanes > 1 or not f.single)
-        plain = small and not any(array.rows for array in arrays)
+        plain = small and not any(array.rows or array.table for array in arrays)
         light = [light_text(program, f, self.scratch, self.tile)] if plain else []
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
         size = f"@size = internal constant i64 {self.scratch}"
@@ -97,6 +97,7 @@ class _Kernel:
         blocks = text.integer("sdiv", text.integer("add", count, lanes - 1), lanes)
         self._first, self._blocks = "%begin", text.integer("smin", blocks, "%tile")
         self._each(lambda scratch, state: f"@constants(ptr {scratch})", tells=False)
+        self._each(lambda scratch, state: f"@addresses(ptr {scratch}, ptr %table)", tells=False)
         tiles = text.integer("sdiv", text.integer("add", blocks, text.integer("sub", "%tile", 1)), "%tile")
         with text.loop(tiles) as tile:
             before = text.integer("mul", tile.k, "%tile")
@@ -114,7 +115,7 @@ class _Kernel:
             if isinstance(item, Chunk):
                 if item.nodes or item.copies:
                     name = f"chunk{len(self.chunks)}"
-                    self.chunks.append(chunk_function(name, item, self.schedule, self.f))
+                    self.chunks.append(chunk_function(name, item, self.schedule, self.f, self.transfers.address))
                     self._each(lambda scratch, state, name=name: f"@{name}(ptr {scratch})", tells=False)
             elif isinstance(item, Repeat):
                 self._repeat(item)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from articulated.compiler.graph import MASKS
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.schedule import Chunk, Schedule
@@ -13,9 +15,9 @@ _COMPARISON = {"lt": "olt", "le": "ole", "eq": "oeq"}
 _INTRINSIC = {"abs": "fabs", "sqrt": "sqrt"}
 
 
-def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format) -> str:
-    """The function `void name(scratch)` of a chunk."""
-    operations = _Operations(schedule, f)
+def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, address: Callable[[int], int]) -> str:
+    """The function `void name(scratch)` of a chunk; `address` tells where in scratch the address of a table is."""
+    operations = _Operations(schedule, f, address)
     for i in chunk.nodes:
         operations.compute(i)
         if i in chunk.kept:
@@ -48,8 +50,8 @@ def _copy(chunk: Chunk, operations: _Operations) -> None:
 class _Operations:
     """Nodes in the order in which they are computed; the others are constants or come from their slots."""
 
-    def __init__(self, schedule: Schedule, f: Format):
-        self.schedule, self.f, self.text = schedule, f, Text(f)
+    def __init__(self, schedule: Schedule, f: Format, address: Callable[[int], int] | None = None):
+        self.schedule, self.f, self.text, self.address = schedule, f, Text(f), address
         self.values: dict[int, str] = {}
 
     def compute(self, i: int) -> None:
@@ -95,6 +97,8 @@ class _Operations:
             n, a = parts
             one = text.let(f"and {text.N} {self._pattern_of(self.value(a))}, {self.f.integers(1 << n)}")
             return text.let(f"icmp ne {text.N} {one}, {self.f.integers(0)}")
+        if op == "lookup":
+            return self._looked_up(*parts)
         x = [self.value(a) for a in parts]
         if op in _ARITHMETIC:
             return text.let(f"{_ARITHMETIC[op]} {V} {x[0]}, {x[1]}")
@@ -115,6 +119,21 @@ class _Operations:
         if op == "select":
             return text.let(f"select {text.M} {x[0]}, {V} {x[1]}, {V} {x[2]}")
         return self._on_pattern(op, x[0])
+
+    def _looked_up(self, table: int, index: int) -> str:
+        """Each lane's own entry of a table."""
+        text, f = self.text, self.f
+        assert self.address is not None
+        base = text.word(text.at("%scratch", self.address(table)), 0, "ptr")
+        k = text.let(f"fptosi {text.V} {self.value(index)} to {text.N}")
+        if f.lanes == 1:
+            return text.load(text.let(f"getelementptr {f.number}, ptr {base}, {f.integer} {k}"), f.number, f.bytes)
+        x = "poison"
+        for lane in range(f.lanes):
+            entry = text.let(f"extractelement {text.N} {k}, i32 {lane}")
+            number = text.load(text.let(f"getelementptr {f.number}, ptr {base}, {f.integer} {entry}"), f.number, f.bytes)
+            x = text.let(f"insertelement {text.V} {x}, {f.number} {number}, i32 {lane}")
+        return x
 
     def _on_pattern(self, op: str, x: str) -> str:
         """power2, exponent and fraction work on the pattern of a number."""

@@ -19,11 +19,13 @@ class Array:
         name: for dumps and exported C.
         shape: of what belongs to one state.
         rows: whether each state has one such thing for each turn of a loop.
+        table: whether it is one for all states, of which each takes what entries it likes; its first axis may have any length.
     """
 
     name: str
     shape: tuple[int, ...] = ()
     rows: bool = False
+    table: bool = False
 
     @property
     def size(self) -> int:
@@ -68,11 +70,14 @@ class Tape:
         self.program = program
         self.graph = Graph(single)
         self.check: int | None = None
-        arguments = [Rows(self, k) if a.rows else self.argument(k) for k, a in enumerate(program.arguments)]
+        arguments = [self._argument(k, a) for k, a in enumerate(program.arguments)]
         plain = iter(program.write(self, *arguments))
         self.outputs = [[] if array.rows else self._nodes(array, next(plain)) for array in program.results]
         if program.unfit is not None and isinstance(mask := program.unfit(self, *arguments), Traced):
             self.check = mask.index
+
+    def _argument(self, k: int, array: Array) -> Any:
+        return Rows(self, k) if array.rows else Table(self, k) if array.table else self.argument(k)
 
     def argument(self, k: int) -> Nested:
         """The scalars of an argument."""
@@ -96,6 +101,21 @@ class Tape:
     def _nested(self, array: Array, *node: Any) -> Nested:
         scalars = iter([Traced(self.graph, self.graph.node(*node, k)) for k in range(array.size)])
         return _shaped(array.shape, scalars)
+
+
+class Table:
+    """An argument that all states share, to be looked into; see `scalar.lookup`."""
+
+    def __init__(self, tape: Tape, argument: int):
+        self._tape, self._argument = tape, argument
+
+    def __len__(self) -> int:
+        return self._tape.program.arguments[self._argument].size
+
+    def entry(self, k: Traced) -> Scalar:
+        """Its k-th number."""
+        graph = self._tape.graph
+        return Traced(graph, graph.node("lookup", self._argument, k.index))
 
 
 class Rows:

@@ -15,7 +15,7 @@ from articulated.compiler.ir import Format, Text
 from articulated.compiler.program import Program
 from articulated.compiler.schedule import Read, Schedule, Write
 
-_NOWHERE, _ZERO = -1, -2
+_NOWHERE, _ZERO, _TABLES = -1, -2, -10
 """In place of nodes: where what nobody wants is put, and where zeros are found that nobody wants either."""
 
 
@@ -62,7 +62,14 @@ class Transfers:
 
     def texts(self) -> list[str]:
         """The tables, and the functions `constants`, `read` and `write`."""
-        return [*self._tables, self._constants(), self._mover(reads=True), self._mover(reads=False), *sorted(self._declared)]
+        return [
+            *self._tables,
+            self._constants(),
+            self._addresses(),
+            self._mover(reads=True),
+            self._mover(reads=False),
+            *sorted(self._declared),
+        ]
 
     def _place(self, i: int) -> int:
         """Where a node is in scratch; constants are put there, and what nobody wants has a place too."""
@@ -71,11 +78,23 @@ class Transfers:
         slot = self._extra.setdefault(i, self.schedule.size + len(self._extra))
         return slot * self.f.vector_bytes
 
+    def address(self, table: int) -> int:
+        """Where in scratch the address of a table is [bytes]."""
+        slot = self._extra.setdefault(_TABLES - table, self.schedule.size + len(self._extra))
+        return slot * self.f.vector_bytes
+
+    def _addresses(self) -> str:
+        """The function `void addresses(scratch, table)` that puts the addresses of tables there."""
+        text = Text(self.f)
+        for key in [key for key in self._extra if key <= _TABLES]:
+            text.keep(text.word("%table", 4 * (_TABLES - key)), text.at("%scratch", self.address(_TABLES - key)))
+        return text.function("void", "addresses", "ptr noalias %scratch, ptr %table")
+
     def _constants(self) -> str:
         """The function `void constants(scratch)` that puts the constants among what is written into scratch."""
         text, f = Text(self.f), self.f
         for i, slot in self._extra.items():
-            if i != _NOWHERE:
+            if i > _TABLES and i != _NOWHERE:
                 x = f.constant(0.0 if i == _ZERO else self.schedule.nodes[i][1])
                 text.do(f"store {text.V} {x}, ptr {text.at('%scratch', slot * f.vector_bytes)}, align {f.vector_bytes}")
         return text.function("void", "constants", "ptr noalias %scratch")

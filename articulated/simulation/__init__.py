@@ -2,7 +2,7 @@
 
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
-from articulated.simulation.contact.ground import Ground, Material, Plane
+from articulated.simulation.contact.ground import Ground, HeightField, Material, Plane
 from articulated.simulation.contact.sensing import Contacts
 from articulated.simulation.first_order import FirstOrder, first_order
 from articulated.simulation.methods import INTEGRATORS
@@ -16,6 +16,7 @@ __all__ = [
     "Contacts",
     "FirstOrder",
     "Ground",
+    "HeightField",
     "Material",
     "Plane",
     "Simulation",

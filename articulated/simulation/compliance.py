@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from articulated.dynamics.tree import Tree, force_at, in_world, tree
 from articulated.scalar import Scalar, maximum, minimum, sqrt
@@ -26,8 +27,15 @@ class Given:
     power: Scalar
 
 
-def compliance(scene: Scene, numbers: Numbers, q: Sequence[Scalar], v: Sequence[Scalar], errors: Sequence[Scalar]) -> Given:
-    """What it gives at q and v, for drives that are so far from their targets."""
+def compliance(
+    scene: Scene,
+    numbers: Numbers,
+    q: Sequence[Scalar],
+    v: Sequence[Scalar],
+    errors: Sequence[Scalar],
+    tables: Sequence[Any],
+) -> Given:
+    """What it gives at q and v, for drives that are so far from their targets, and height fields of these heights."""
     m = scene.mechanism
     tau: list[Scalar] = [0.0] * m.nv
     for room in scene.room(q):
@@ -44,12 +52,16 @@ def compliance(scene: Scene, numbers: Numbers, q: Sequence[Scalar], v: Sequence[
             wanted = maximum(minimum(wanted, limit), -limit)
         tau[s] = tau[s] + wanted
     on_bodies: list[Force | None] = [None] * m.nbodies
-    return _touched(scene, numbers, tree(m, q), v, Given(tau, on_bodies, 0.0)) if scene.touches else Given(tau, on_bodies, 0.0)
+    return (
+        _touched(scene, numbers, tree(m, q), v, Given(tau, on_bodies, 0.0), tables)
+        if scene.touches
+        else Given(tau, on_bodies, 0.0)
+    )
 
 
-def _touched(scene: Scene, numbers: Numbers, now: Tree, v: Sequence[Scalar], given: Given) -> Given:
+def _touched(scene: Scene, numbers: Numbers, now: Tree, v: Sequence[Scalar], given: Given, tables: Sequence[Any]) -> Given:
     V, power = now.velocities(in_world(now, v)), given.power
-    for n, gap in enumerate(gaps(scene, now)):
+    for n, gap in enumerate(gaps(scene, now, tables)):
         material, body = numbers.materials[scene.material[scene.candidate_of(n)]], scene.body_of(n)
         u = V[body].linear + V[body].angular.cross(gap.point) - Vec3.of(scene.velocity)
         un = gap.normal.dot(u)

@@ -24,7 +24,7 @@ _WEIGHT = 9.81
 def described(
     rig: Rig,
     ground: Ground | bool | None,
-    points: Sequence[ContactPoint] | None,
+    points: Sequence[ContactPoint | str] | None,
     limits: Stops | bool,
     actuation: PD | None,
     tolerance: float,
@@ -57,7 +57,7 @@ def described(
 
 
 def _scene(
-    rig: Rig, ground: Ground | None, points: Sequence[ContactPoint] | None, stops: Stops | None, driven: Gains | None
+    rig: Rig, ground: Ground | None, points: Sequence[ContactPoint | str] | None, stops: Stops | None, driven: Gains | None
 ) -> tuple[Scene, list[Material]]:
     drives = driven.drives if driven else None
     rebounds = stops is not None and stops.restitution > 0.0

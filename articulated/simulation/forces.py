@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from articulated.dynamics.configuration import difference
 from articulated.dynamics.forward_dynamics import forward_dynamics
@@ -26,6 +27,7 @@ class Forces:
         gravity: acceleration of free fall.
         numbers: of the scene.
         target: the configuration that drives hold to.
+        tables: of each height field.
     """
 
     scene: Scene
@@ -34,6 +36,7 @@ class Forces:
     gravity: Sequence[Scalar]
     numbers: Numbers = field(default_factory=Numbers)
     target: Sequence[Scalar] = ()
+    tables: Sequence[Any] = ()
 
     @property
     def mechanism(self) -> Mechanism:
@@ -50,7 +53,7 @@ class Forces:
 def acceleration_and_power(q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> tuple[list[Scalar], Scalar]:
     """v̇ under these forces, the joints' own damping and friction, and what the scene gives; the power of all but weight."""
     mechanism = forces.mechanism
-    given = compliance(forces.scene, forces.numbers, q, v, forces.errors(q))
+    given = compliance(forces.scene, forces.numbers, q, v, forces.errors(q), forces.tables)
     tau = [a + b + c for a, b, c in zip(forces.tau, passive_forces(mechanism, v), given.tau, strict=True)]
     a = forward_dynamics(mechanism, q, v, tau, forces.gravity, forces.external, on_bodies=given.on_bodies)
     return a, dot(tau, v) + given.power + external_power(mechanism, q, v, forces)

@@ -104,6 +104,7 @@ class Rollout:
         self.world, self.signals, self.plan, self.threads = world, signals, plan, threads
         self.scene, self.rig, self.method = world.scene, world.scene.rig, INTEGRATORS[world.integrator]
         self.batch, self.dtype = start.work.shape, start.q.dtype
+        self._tables = [np.ascontiguousarray(table, self.dtype) for table in self.scene.tables]
         self.changes = any(signal.changes for signal in signals)
         self.asks = any(signal.function is not None for signal in signals)
         self._like: Motion = layout(self.scene, world.integrator)
@@ -197,7 +198,7 @@ class Rollout:
         resume = k == 0 or self.changes
 
         def algorithm(motion, settings, numbers, *signals):
-            forces = self._forces(signals, numbers, self.world.gravity)
+            forces = self._forces(signals, numbers, self.world.gravity, self.scene.tables)
             motion = rebuilt(self._like, iter(motion))
             motion = self.method.resumed(motion, forces) if resume else motion
             clock = _clock(Times(*settings[1:]), settings[0], self.changes, self.plan.substeps)
@@ -229,11 +230,12 @@ class Rollout:
         """As the algorithms take them: the number of the first period, then the times."""
         return np.array([first, *self.plan.times], self.dtype)
 
-    def _forces(self, signals: Sequence[Nested], numbers: Nested, gravity: Nested) -> Forces:
+    def _forces(self, signals: Sequence[Nested], numbers: Nested, gravity: Nested, tables: Sequence[Any]) -> Forces:
         tau, target, external = signals
         nothing = [0.0] * self.rig.nv
         given = rebuilt(self.world.like, iter(numbers))
-        return Forces(self.scene, nothing if tau is None else tau, external, gravity, given, () if target is None else target)
+        tau, target = nothing if tau is None else tau, () if target is None else target
+        return Forces(self.scene, tau, external, gravity, given, target, tables)
 
     # compiled
 
@@ -248,6 +250,8 @@ class Rollout:
                 table.append((array, step, size * math.prod(signal.shape), signal.turns[first:]))
             elif signal.value is not None:
                 table.append(states(signal.value, batch, len(signal.shape)))
+        for heights in self._tables:
+            table.append((heights, 0, 0, None))
         if self._gravity_given:
             table.append(states(np.array(self.world.gravity, self.dtype), batch, 1))
         for array, shape in zip(recorded, self.recorded, strict=True):
@@ -279,10 +283,11 @@ class Rollout:
             (first, *lengths), rest = settings, iter(given)
             times = Times(*lengths)
             signals = [next(rest) if kind else None for kind in kinds]
+            tables = [next(rest) for _ in self._tables]
             gravity = next(rest, GRAVITY)
 
             def forces() -> Forces:
-                return self._forces([x.row() if isinstance(x, Rows) else x for x in signals], numbers, gravity)
+                return self._forces([x.row() if isinstance(x, Rows) else x for x in signals], numbers, gravity, tables)
 
             def period(carry: list[Nested]) -> list[Nested]:
                 k, motion = carry
@@ -307,6 +312,7 @@ class Rollout:
         arguments = [Array("motion", (self._size,)), Array("settings", (1 + len(Times._fields),))]
         arguments += [Array("numbers", (self.world.numbers.shape[-1],))]
         arguments += [Array(name, shape, kind == "rows") for (name, shape), kind in zip(shapes, kinds, strict=True) if kind]
+        arguments += [Array(f"heights{k}", table.shape, table=True) for k, table in enumerate(self._tables)]
         arguments += [Array("gravity", (3,))] * self._gravity_given
         names = ("q", "v", "work", *self.shown)
         results = [Array(name, shape, rows=True) for name, shape in zip(names, self.recorded, strict=True)]

@@ -20,7 +20,7 @@ from articulated.dynamics.tree import Tree, tree
 from articulated.rig import Rig
 from articulated.scalar import Scalar, sqrt
 from articulated.simulation.contact.candidates import Candidate
-from articulated.simulation.contact.ground import Surface
+from articulated.simulation.contact.ground import HeightField, Plane, Surface
 from articulated.spatial import Vec3
 from articulated.spatial.rotation import quaternion_log
 
@@ -85,7 +85,9 @@ class Scene:
     @cached_property
     def content(self) -> bytes:
         """All that it is made of: scenes of equal content move alike."""
-        parts = self.surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
+        # of height fields only where their points stand: the heights are given at run time
+        surfaces = [s if isinstance(s, Plane) else (s.heights.shape, s.spacing, s.origin) for s in self.surfaces]
+        parts = surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
         limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
         return repr((*parts, self.drives, limits)).encode() + content(self.rig)
@@ -95,6 +97,11 @@ class Scene:
         """Whether anything in it is that an explicit method may not get over."""
         m = self.mechanism
         return bool(self.touches or self.stopped or self.cones or self.drives or any(m.damping) or any(m.friction))
+
+    @property
+    def tables(self) -> list[np.ndarray]:
+        """The heights of each height field, flat."""
+        return [np.ravel(surface.heights) for surface in self.surfaces if isinstance(surface, HeightField)]
 
     @property
     def touches(self) -> int:

@@ -42,7 +42,8 @@ class Simulation:
         dt: length of a step [s]; `run` shortens it so that frames fall on steps. The first step that dopri5 tries.
         gravity: acceleration of free fall, in the world, shape (3,) [m/s²].
         ground: what it may touch; True is the plane z = 0, None or False is nothing.
-        contact_points: the points of the rig that may touch the ground; None takes its collision shapes.
+        contact_points: what of the rig may touch the ground: points, and names of links, with all their collision shapes.
+            None takes all links that move. What a step takes grows with their number.
         limits: whether joint limits are stops, or what stops they are.
         actuation: drives of its joints; then a control is the configuration that they hold to.
         integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5"
@@ -62,7 +63,7 @@ class Simulation:
     dt: float = 0.002
     gravity: ArrayLike = GRAVITY
     ground: Ground | bool | None = None
-    contact_points: Sequence[ContactPoint] | None = None
+    contact_points: Sequence[ContactPoint | str] | None = None
     limits: Stops | bool = True
     actuation: PD | None = None
     integrator: str | None = None
@@ -99,12 +100,22 @@ class Simulation:
             object.__setattr__(self, "integrator", "semi_implicit" if scene.is_stiff else "rk4")
         object.__setattr__(self, "_world", World(scene, self.integrator, like, numbers, tuple(gravity.tolist())))
 
-    def reset(self, q: ArrayLike | None = None, v: ArrayLike | None = None) -> State:
-        """A state at time 0.
+    def reset(
+        self,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        state: State | None = None,
+        where: ArrayLike | None = None,
+    ) -> State:
+        """A state at time 0; or of a batch under way, with some of its states begun anew.
+
+            state = simulation.reset(q0, v0, state, where=fallen)
 
         Args:
-            q: configurations, shape (..., nq); None is the neutral one.
+            q: configurations, shape (..., nq); None is the neutral one. float32, with v, makes all that follows float32.
             v: generalized velocities, shape (..., nv); None is rest.
+            state: the batch under way.
+            where: which of its states begin anew, booleans of its leading shape.
 
         Raises:
             ValueError: an array does not fit the rig, is not finite, or a quaternion is not of unit length.
@@ -120,7 +131,8 @@ class Simulation:
         q = np.array(np.broadcast_to(q, (*batch, rig.nq)), dtype=dtype)
         v = np.array(np.broadcast_to(v, (*batch, rig.nv)), dtype=dtype)
         memory = np.zeros((*batch, INTEGRATORS[self.integrator].remembers(self._world.scene)), dtype=dtype)
-        return State(0.0, q, v, np.zeros(batch, dtype), memory)
+        new = State(0.0, q, v, np.zeros(batch, dtype), memory)
+        return new if state is None else _partly(new, state, where)
 
     def step(self, state: State, control: Control = None, external: Control = None) -> State:
         """One control period, `substeps` steps of `dt`, on.
@@ -220,6 +232,25 @@ class Simulation:
         times = Times(period, frames * periods * period, period / self.substeps, self.rtol, self.atol, self.max_steps)
         plan = Plan(frames, periods, self.substeps, times)
         return Rollout(self._world, start, signals, plan, self.threads)
+
+
+def _partly(new: State, state: State, where: ArrayLike | None) -> State:
+    """States of one batch where a mask holds, of another elsewhere."""
+    mask, batch = np.asarray(where), state.work.shape
+    if mask.dtype != bool or mask.shape != batch:
+        raise ValueError(
+            f"where holds {mask.dtype}, shape {mask.shape}; expected booleans, shape {batch}, as the state's batch"
+        )
+    try:
+        parts = [
+            np.where(mask if name == "work" else mask[..., None], getattr(new, name), getattr(state, name)).astype(
+                state.q.dtype
+            )
+            for name in ("q", "v", "work", "memory")
+        ]
+    except ValueError:
+        raise ValueError(f"q0 {new.q.shape} and v0 {new.v.shape} do not broadcast to the state's {batch}") from None
+    return State(state.time, *parts)
 
 
 def simulate(rig: Rig, duration: float = 5.0, *, q0=None, v0=None, fps: float = 60.0, control=None, **settings) -> Trajectory:

@@ -2,21 +2,29 @@
 
 A ball touches with its lowest point; so do the ends of a capsule, and a box with its corners, which are balls of no radius.
 A cylinder touches with the lowest point of each rim, wherever that is: so a wheel rolls smoothly. One that stands on its end
-would do so on a single point: on each rim there are fixed points too, which count while it is upright.
+would do so on a single point: on each rim there are fixed points too, which count while it is upright. A mesh touches with some
+vertices of its convex hull, those that lie farthest apart.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 
-from articulated.rig import Box, Capsule, Cylinder, Link, Mesh, Rig, Sphere
+from articulated.dynamics.boundary import find_link
+from articulated.rig import Box, Capsule, Cylinder, Link, Mesh, Rig, Shape, Sphere
+from articulated.rig.errors import RigWarning
 
 _RIM_POINTS = 4
+MESH_POINTS = 6
+"""Vertices that stand for a mesh."""
 
 
 @dataclass(frozen=True)
@@ -53,21 +61,34 @@ class Candidate:
     upright: bool = False
 
 
-def candidates(rig: Rig, points: Sequence[ContactPoint] | None) -> tuple[Candidate, ...]:
-    """Of a user's points, or of all collision shapes of links that move."""
-    if points is not None:
-        return tuple(_chosen(rig, point) for point in points)
-    return tuple(
-        c for link in rig.links.values() if link.body >= 0 for shape in link.collisions for c in _of_shape(link, shape)
-    )
+def candidates(rig: Rig, points: Sequence[ContactPoint | str] | None) -> tuple[Candidate, ...]:
+    """Of a user's points, and links by name with all their collision shapes; None takes all links that move.
+
+    Raises:
+        ValueError: there is no such link, or it does not move; a point is impossible; a mesh cannot be read.
+    """
+    if points is None:
+        points = [link.name for link in rig.links.values() if link.body >= 0]
+    if isinstance(points, (str, ContactPoint)):
+        raise ValueError(f"contact_points is {points!r}; expected a list of points and names of links")
+    return tuple(c for point in points for c in _chosen(rig, point))
 
 
-def _chosen(rig: Rig, point: ContactPoint) -> Candidate:
-    link = rig.links[point.link]
-    return _ball(link, np.eye(4), point.position, point.radius)
+def _chosen(rig: Rig, point: ContactPoint | str) -> list[Candidate]:
+    if not isinstance(point, (str, ContactPoint)):
+        raise ValueError(f"contact_points holds {point!r}; expected ContactPoint(link, position, radius) or the name of a link")
+    link = find_link(rig, point if isinstance(point, str) else point.link)
+    if link.body < 0:
+        raise ValueError(f"contact_points: link {link.name!r} is fixed to the world, and will never touch the ground")
+    if isinstance(point, str):
+        return [c for shape in link.collisions for c in _of_shape(link, shape)]
+    numbers = np.asarray([*point.position, point.radius], dtype=float)
+    if numbers.shape != (4,) or not np.isfinite(numbers).all() or point.radius < 0.0:
+        raise ValueError(f"{point!r}: expected three finite numbers, and a radius of zero or more")
+    return [_ball(link, np.eye(4), point.position, point.radius)]
 
 
-def _of_shape(link: Link, shape) -> list[Candidate]:
+def _of_shape(link: Link, shape: Shape) -> list[Candidate]:
     geometry, pose = shape.geometry, shape.pose
     if isinstance(geometry, Sphere):
         return [_ball(link, pose, (0.0, 0.0, 0.0), geometry.radius)]
@@ -78,8 +99,41 @@ def _of_shape(link: Link, shape) -> list[Candidate]:
         return [_ball(link, pose, corner, 0.0) for corner in corners]
     if isinstance(geometry, Cylinder):
         return [c for side in (-1.0, 1.0) for c in _rim(link, pose, geometry, side)]
-    assert isinstance(geometry, Mesh)
-    return []
+    return [_ball(link, pose, vertex, 0.0) for vertex in _vertices(link, geometry)]
+
+
+def _vertices(link: Link, mesh: Mesh) -> tuple[tuple[float, float, float], ...]:
+    """What stands for a mesh."""
+    if mesh.path is None:
+        warnings.warn(
+            f"mesh {mesh.filename!r} of link {link.name!r} was not found: it touches nothing; give load its mesh_dirs",
+            RigWarning,
+            stacklevel=2,
+        )
+        return ()
+    return _farthest(mesh.path, mesh.path.stat().st_mtime_ns, mesh.scale)
+
+
+@lru_cache(maxsize=1024)
+def _farthest(path: Path, _: int, scale: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
+    """Vertices of a mesh's convex hull, each as far as can be from those before it (Gonzalez 1985)."""
+    import trimesh
+
+    try:
+        mesh = trimesh.load(path, force="mesh")
+        vertices = np.asarray(mesh.convex_hull.vertices, dtype=float) * scale  # type: ignore[union-attr]
+    except Exception as error:  # readers of many formats fail in many ways
+        raise ValueError(
+            f"{path}: this mesh cannot be read ({type(error).__name__}: {error}); give its link other shapes"
+        ) from None
+    if not np.isfinite(vertices).all() or len(vertices) == 0:
+        raise ValueError(f"{path}: this mesh has vertices that are not finite, or none; give its link other shapes")
+    chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))]
+    distance = np.linalg.norm(vertices - vertices[chosen[0]], axis=1)
+    while len(chosen) < MESH_POINTS and distance.max() > 0.0:
+        chosen.append(int(np.argmax(distance)))
+        distance = np.minimum(distance, np.linalg.norm(vertices - vertices[chosen[-1]], axis=1))
+    return tuple(tuple(vertex) for vertex in vertices[chosen].tolist())
 
 
 def _rim(link: Link, pose: np.ndarray, cylinder: Cylinder, side: float) -> list[Candidate]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from articulated.compiler import evaluate
 from articulated.dynamics.boundary import Argument
 from articulated.dynamics.calls import call
 from articulated.dynamics.mechanism import Mechanism
@@ -55,6 +56,10 @@ def contact_geometry(scene: Scene, q: np.ndarray) -> np.ndarray:
     """Points, normals and gaps of all contacts, shape (..., n, 7)."""
     if not scene.touches:
         return np.zeros((*q.shape[:-1], 0, 7))
+    if scene.tables:  # which compiled functions of a rig are not given
+        result = np.empty((*q.shape[:-1], scene.touches, 7))
+        evaluate(lambda x: _geometry(scene.mechanism, x, _Key(scene)), [(q, 1)], result, q.shape[:-1])
+        return result
     given = [Argument("q", q, (scene.rig.nq,))]
     return call(scene.rig, _geometry, given, (scene.touches, 7), None, None, watched=False, key=_Key(scene))
 
@@ -77,4 +82,4 @@ class _Key:
 
 def _geometry(m: Mechanism, q: Nested, key: _Key) -> Nested:
     now = tree(key.scene.mechanism, q)
-    return [[*(now.origin + gap.point), *gap.normal, gap.size] for gap in gaps(key.scene, now)]
+    return [[*(now.origin + gap.point), *gap.normal, gap.size] for gap in gaps(key.scene, now, key.scene.tables)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from articulated.scalar import Scalar, minimum
-from articulated.simulation.contact.gaps import Gap, tangents
+from articulated.simulation.contact.gaps import Gap, spread
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.laws import Cone, Drive, Hinge
 from articulated.simulation.implicit.newton import Terms
@@ -26,14 +26,13 @@ def contacts(scene: Scene, gaps: Sequence[Gap], stance: Stance, numbers: Numbers
     result = []
     for n, (gap, anchor) in enumerate(zip(gaps, stance.anchors, strict=True)):
         material, w = numbers.materials[scene.material[scene.candidate_of(n)]], scene.felt(n)
-        a, b = tangents(scene.surface_of(n))
         result.append(
             Contact(
                 body=scene.body_of(n),
                 r=gap.point,
                 n=gap.normal,
                 hinge=hinge(gap.size, material.stiffness, material.dissipation, w, h),
-                anchor=(a * anchor[0] + b * anchor[1]) * (ANCHORING / h),
+                anchor=spread(scene.surface_of(n), gap.normal, anchor) * (ANCHORING / h),
                 ground=Vec3.of(scene.velocity),
                 friction=material.friction,
                 w=w,

@@ -14,7 +14,7 @@ from articulated.dynamics.joints import Ball
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import ROOT, Tree, in_root, in_world, is_free, tree
 from articulated.scalar import Scalar, maximum, minimum, sqrt, where
-from articulated.simulation.contact.gaps import gaps, tangents
+from articulated.simulation.contact.gaps import folded, gaps
 from articulated.simulation.forces import Forces, dot
 from articulated.simulation.implicit.momentum import along_coordinates, momenta
 from articulated.simulation.implicit.newton import Iterate, Terms, begin, solved
@@ -35,7 +35,9 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     v = in_world(now, start.v)
     p, mass = linear_part(start, v, forces, h)
     carried = along_coordinates(now, momenta(now, start, forces, h))
-    terms = Terms(contacts(scene, gaps(scene, now), start.stance, forces.numbers, h), joint_terms(scene, start, forces, h))
+    terms = Terms(
+        contacts(scene, gaps(scene, now, forces.tables), start.stance, forces.numbers, h), joint_terms(scene, start, forces, h)
+    )
     bodies, coordinates = [c.body for c in terms.contacts], [s for j in terms.joints for s in j.direction]
     sweep = Sweep(now, [a + b for a, b in zip(p, carried, strict=True)], mass, bodies, coordinates)
     start_at, tolerance = begin(sweep, terms, now, v), forces.numbers.tolerance
@@ -126,7 +128,7 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
     for n, contact in enumerate(terms.contacts):
         u, y, limit = Vec3.of(found.u.contacts[n]), Vec3.of(found.y.contacts[n]), found.limits[n]
         stretch = _stretch(contact, u, y, limit, h)
-        anchors.append([axis.dot(stretch) for axis in tangents(scene.surface_of(n))])
+        anchors.append(folded(scene.surface_of(n), stretch))
     dry = [(joint, u) for joint, u in zip(terms.joints, found.u.joints, strict=True) if joint.dry is not None]
     speed = {s: u for joint, u in dry for s in joint.direction}
     longest = SLIP_SPEED * h / ANCHORING
