@@ -140,7 +140,9 @@ class Dense:
         u, g_c, G_c = self.J @ v, self.g.copy(), self.G.copy()
         new = np.linalg.solve(self.A + H, self.p - g + H @ v)
         y = g_c + np.einsum("cij,cj->ci", G_c, self.J @ new - u)
-        self.cone = self.material.friction * np.maximum(-y[:, 2], 0.0)
+        a, b, _ = self.hinges
+        stopping = np.maximum(a / b - (self.J @ new)[:, 2], 0.0) / (1.0 / b + self.w)
+        self.cone = self.material.friction * np.where(y[:, 2] < 0.0, -y[:, 2], stopping)
         v = new
         for _ in range(200):
             r = self.gradient(v)

@@ -193,11 +193,12 @@ def _full_step(sweep: Sweep, terms: Terms, at: Iterate, theta: Scalar) -> tuple[
 
 def _limits(terms: Terms, new: Iterate, at: Iterate) -> list[Scalar]:
     """Friction times how hard contacts push, as long as sweeps bound its slope; then as it was."""
-    pushes = [-contact.n.dot(Vec3.of(y)) for contact, y in zip(terms.contacts, new.y.contacts, strict=True)]
-    return [
-        where(at.k < BOUNDED, contact.friction * maximum(push, 0.0), limit)
-        for contact, push, limit in zip(terms.contacts, pushes, at.limits, strict=True)
-    ]
+    limits = []
+    for contact, u, y, limit in zip(terms.contacts, new.u.contacts, new.y.contacts, at.limits, strict=True):
+        push = -contact.n.dot(Vec3.of(y))
+        push = where(push > 0.0, push, contact.stopping(contact.n.dot(Vec3.of(u))))
+        limits.append(where(at.k < BOUNDED, contact.friction * push, limit))
+    return limits
 
 
 @dataclass(frozen=True, eq=False)

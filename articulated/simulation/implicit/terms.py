@@ -87,6 +87,11 @@ class Contact:
         """u, relative to the ground."""
         return V[self.body].linear + V[self.body].angular.cross(self.r) - self.ground
 
+    def stopping(self, un: Scalar) -> Scalar:
+        """About the impulse that it takes to stop what comes with this velocity: for what did not push a step before."""
+        hinge = self.hinge
+        return maximum(hinge.a / hinge.b - un, 0.0) * (1.0 / (1.0 / hinge.b + self.w))
+
     def width(self, limit: Scalar) -> Scalar:
         """Of the friction cone."""
         return maximum((SIGMA * self.w) * limit, SLIP_SPEED)
