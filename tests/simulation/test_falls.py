@@ -1,0 +1,70 @@
+"""Random falls by the thousand: nothing diverges, nothing gains energy, everything comes to rest and stays there.
+
+FALLS=4096 pytest tests/simulation/test_falls.py runs as many of each rig (default 128).
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from simulation.test_solver import rig_of
+
+import articulated as art
+
+COUNT = int(os.environ.get("FALLS", "128"))
+
+
+def points(rig: art.Rig) -> list[art.ContactPoint]:
+    """At the ends of links: where their joints and those of their children are, and beyond the last."""
+    result = []
+    for link in rig.links.values():
+        if link.body < 0 or link.mass == 0.0:
+            continue
+        ends = [joint.pose[:3, 3] for joint in rig.joints.values() if joint.parent == link.name]
+        ends = ends or [2.0 * link.center if np.linalg.norm(link.center) > 0.01 else np.array([0.0, 0.0, -0.03])]
+        mean = np.mean(ends, axis=0)
+        result.append(art.ContactPoint(link.name, tuple(mean.tolist()), 0.01))
+    most = 24
+    if len(result) > most:
+        result = [result[k] for k in np.linspace(0, len(result) - 1, most).astype(int)]
+    root = next(iter(rig.links.values())).name
+    box = [art.ContactPoint(root, (x, y, z), 0.0) for x in (-0.08, 0.08) for y in (-0.08, 0.08) for z in (-0.05, 0.05)]
+    return result + box
+
+
+def falling(rig: art.Rig, contact_points, count: int, rng) -> tuple[np.ndarray, np.ndarray]:
+    q = rig.random(rng, count)
+    X = art.link_poses(rig, q)
+    z = np.array([(X[:, rig.links[p.link].index] @ [*p.position, 1.0])[:, 2] - p.radius for p in contact_points])
+    q[:, 2] += rng.uniform(0.02, 0.5, count) - z.min(axis=0)
+    v = rng.normal(size=(count, rig.nv))
+    v[:, 3:6] *= 2.0
+    return q, v
+
+
+@pytest.mark.sweep
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("dt", [0.002, 0.004])
+@pytest.mark.parametrize("name", ["g1", "solo12", "human", "chain"])
+def test_falls(name, dt):
+    damping, friction = {"g1": (1.0, 2.0), "solo12": (0.02, 0.05), "human": (1.0, 2.0), "chain": (0.005, 0.005)}[name]
+    rig = rig_of(name).with_joints(damping=damping, friction=friction)
+    rng = np.random.default_rng(0)
+    contact_points = points(rig)
+    simulation = art.Simulation(rig, dt=dt, ground=art.Ground(friction=0.8), contact_points=contact_points)
+    q, v = falling(rig, contact_points, COUNT, rng)
+    run = simulation.run(q, v, 5.0, 50)
+    assert (run.outcome == art.Outcome.COMPLETED).all()
+    rise = (run.energy - np.minimum.accumulate(run.energy, axis=1)).max(axis=1)
+    lost = run.energy[:, 0] - run.energy.min(axis=1)
+    speed = np.abs(run.v[:, -5:]).max(axis=(1, 2))
+    deepest = -run.contact_gaps[:, -5:].min(axis=(1, 2))
+    print(
+        f"{name} dt {dt}: rise {(rise / lost).max():.2%} of what was lost, rest within {speed.max():.1e} (99 % {np.quantile(speed, 0.99):.1e}),"
+        f" penetration {deepest.max() * 1e3:.2f} mm, residual {run.residual.max():.1e}"
+    )
+    assert (rise < 0.01 * lost).all()
+    assert deepest.max() < 1e-3
+    assert speed.max() < 1e-3
