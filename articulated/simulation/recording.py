@@ -9,6 +9,7 @@ import numpy as np
 
 from articulated.dynamics.functions import kinetic_energy, potential_energy
 from articulated.simulation.contact.sensing import contact_geometry, contact_links
+from articulated.simulation.implicit.energy import solved_kinetic_energy
 from articulated.simulation.rollout import Rollout
 from articulated.trajectory import Outcome, Trajectory
 
@@ -32,7 +33,10 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         finite = np.asarray((np.abs(q) < _LARGEST).all(axis=-1) & (np.abs(v) < _LARGEST).all(axis=-1))
     sound_q = np.where(finite[..., None], q, rig.neutral())
     sound_v = np.where(finite[..., None], v, 0.0)
-    kinetic = np.where(finite, kinetic_energy(rig, sound_q, sound_v), np.nan)
+    kinetic = kinetic_energy(rig, sound_q, sound_v)
+    if world.integrator == "semi_implicit" and rig.nv:
+        kinetic[..., 1:] = solved_kinetic_energy(rig, sound_q[..., 1:, :], sound_v[..., 1:, :], rollout.plan.times.h)
+    kinetic = np.where(finite, kinetic, np.nan)
     potential = np.where(finite, potential_energy(rig, sound_q, world.gravity), np.nan)
     outcome = np.where(finite.all(axis=-1), np.int8(Outcome.COMPLETED), np.int8(Outcome.DIVERGED))
     times = rollout.plan.times

@@ -37,7 +37,8 @@ class Trajectory:
         q: configurations, shape (..., T, nq).
         v: generalized velocities, shape (..., T, nv).
         tau: generalized forces of the control from each frame on; of drives, over the step before it; (..., T, nv) [N m, N].
-        kinetic_energy, potential_energy: shape (..., T) [J].
+        kinetic_energy, potential_energy: shape (..., T) [J]; of the implicit step the former is that of its velocities where it
+            solved for them, one step before the frame.
         work: done since the first frame by all forces but weight, shape (..., T) [J].
         outcome: how the run of each state ended, of `Outcome`, shape (...).
         contact_links: name of the link of each point that could touch the ground, (n,); none if there was no ground.
