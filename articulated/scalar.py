@@ -106,7 +106,7 @@ def lookup(table: Any, k: Scalar) -> Scalar:
 
 
 def unfolded(x: float, beside: Scalar) -> Scalar:
-    """A constant that no compiler computes with beforehand, so that what it meets has the bits that it has beside a variable."""
+    """A constant that no compiler computes with beforehand: what it meets has the bits that it has beside a variable."""
     return beside.unfolded(x) if hasattr(beside, "unfolded") else x
 
 

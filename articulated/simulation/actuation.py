@@ -103,7 +103,7 @@ _NO_LIMIT = 1e9
 
 
 def _some(values: np.ndarray) -> np.ndarray:
-    return (values > 0.0).any(axis=tuple(range(values.ndim - 1)))
+    return np.asarray((values > 0.0).any(axis=tuple(range(values.ndim - 1))))
 
 
 def _efforts(rig: Rig) -> dict[str, float]:

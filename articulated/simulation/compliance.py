@@ -14,7 +14,7 @@ from articulated.dynamics.tree import Tree, force_at, in_world, tree
 from articulated.scalar import Scalar, maximum, minimum, sqrt
 from articulated.simulation.contact.gaps import gaps
 from articulated.simulation.implicit.terms import SLIP_SPEED
-from articulated.simulation.scene import Numbers, Scene
+from articulated.simulation.scene import Drives, Numbers, Scene
 from articulated.spatial import Force, Vec3
 
 
@@ -45,9 +45,10 @@ def compliance(
             push = _push(left, speed * sign, stiffness, dissipation) * sign
             for s, x in room.direction.items():
                 tau[s] = tau[s] + push * x
-    for k, s in enumerate(scene.drives.coordinates if scene.drives else ()):
+    drives = scene.drives or Drives((), False)
+    for k, s in enumerate(drives.coordinates):
         wanted = numbers.drives.stiffness[k] * errors[k] - numbers.drives.damping[k] * v[s]
-        if scene.drives.limited:
+        if drives.limited:
             limit = numbers.drives.limit[k]
             wanted = maximum(minimum(wanted, limit), -limit)
         tau[s] = tau[s] + wanted

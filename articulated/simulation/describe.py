@@ -77,7 +77,7 @@ def _scene(
     which = tuple(1 + special.index(name) if (name := names[c.link]) in special else 0 for c in some)
     scene = Scene(
         rig,
-        tuple(ground.surfaces),
+        ground.solids,
         some,
         which,
         len(materials),

@@ -96,9 +96,9 @@ class Simulation:
         scene, like, numbers = described(
             self.rig, self.ground, self.contact_points, self.limits, self.actuation, self.tolerance
         )
-        if self.integrator is None:
-            object.__setattr__(self, "integrator", "semi_implicit" if scene.is_stiff else "rk4")
-        object.__setattr__(self, "_world", World(scene, self.integrator, like, numbers, tuple(gravity.tolist())))
+        method = self.integrator or ("semi_implicit" if scene.is_stiff else "rk4")
+        object.__setattr__(self, "integrator", method)
+        object.__setattr__(self, "_world", World(scene, method, like, numbers, tuple(gravity.tolist())))
 
     def reset(
         self,
@@ -130,7 +130,7 @@ class Simulation:
         dtype = np.float32 if q.dtype == v.dtype == np.float32 else np.float64
         q = np.array(np.broadcast_to(q, (*batch, rig.nq)), dtype=dtype)
         v = np.array(np.broadcast_to(v, (*batch, rig.nv)), dtype=dtype)
-        memory = np.zeros((*batch, INTEGRATORS[self.integrator].remembers(self._world.scene)), dtype=dtype)
+        memory = np.zeros((*batch, INTEGRATORS[self._world.integrator].remembers(self._world.scene)), dtype=dtype)
         new = State(0.0, q, v, np.zeros(batch, dtype), memory)
         return new if state is None else _partly(new, state, where)
 
@@ -207,7 +207,7 @@ class Simulation:
     def contacts(self, state: State) -> Contacts:
         """Where a state's points of contact are, and how the ground pushed them in the last step: what sensors feel."""
         scene, (nq, nv) = self._world.scene, (self.rig.nq, self.rig.nv)
-        shown = INTEGRATORS[self.integrator].shown(layout(scene, self.integrator))
+        shown = INTEGRATORS[self._world.integrator].shown(layout(scene, self._world.integrator))
         part = np.array(flatten(shown.get("contact_forces", [])), dtype=int) - (nq + nv + 1)
         n, geometry = scene.touches, contact_geometry(scene, state.q)
         forces = state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 3 * n))
@@ -216,7 +216,7 @@ class Simulation:
 
     def residual(self, state: State) -> np.ndarray:
         """The largest that the solver has left in any step so far, shape (...) [m/s]; zeros for methods that do not solve."""
-        stance = getattr(layout(self._world.scene, self.integrator), "stance", None)
+        stance = getattr(layout(self._world.scene, self._world.integrator), "stance", None)
         if stance is None:
             return np.zeros(state.work.shape)
         return state.memory[..., stance.residual - (self.rig.nq + self.rig.nv + 1)].copy()

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from contact_rigs import body, on_incline, upright
 
 import articulated as art
 
 G = 9.81
-
-
-def body(shape, inertia, mass: float = 1.0) -> art.Rig:
-    builder = art.RigBuilder(type(shape).__name__.lower())
-    builder.link("body", mass, (0.0, 0.0, 0.0), np.diag(inertia), collisions=[shape])
-    return builder.build("free")
 
 
 @pytest.fixture(scope="module")
@@ -26,25 +22,6 @@ def box() -> art.Rig:
 @pytest.fixture(scope="module")
 def ball() -> art.Rig:
     return body(art.Sphere(0.1), [0.004] * 3)
-
-
-def upright(rig, height, count=()):
-    q = np.broadcast_to(rig.neutral(), (*count, rig.nq)).copy()
-    q[..., 2] = height
-    return q
-
-
-def tilted(angle):
-    """A plane that rises along x, and how things stand on it."""
-    n = np.array([-math.sin(angle), 0.0, math.cos(angle)])
-    return art.Plane(tuple(n)), n, np.array([0.0, -math.sin(0.5 * angle), 0.0, math.cos(0.5 * angle)])
-
-
-def on_incline(rig, angle, height):
-    plane, n, quat_xyzw = tilted(angle)
-    q = rig.neutral()
-    q[:3], q[3:] = height * n, quat_xyzw
-    return plane, q
 
 
 class TestIncline:
@@ -151,7 +128,7 @@ class TestBounce:
         total, run = bounces[e]
         z, v = run.q[:, 2] - 0.1, run.v[:, 2]
         up = np.flatnonzero((v[1:] > 0.0) & (v[:-1] < 0.0))
-        peaks = [z[a:b].max() for a, b in zip(up[:count], up[1 : count + 1], strict=True)]
+        peaks = [z[a:b].max() for a, b in pairwise(up[: count + 1])]
         assert peaks == pytest.approx([e ** (2 * (n + 1)) for n in range(count)], rel=0.02)
         ends = run.time[np.flatnonzero(z > 1e-4)[-1]]
         assert ends == pytest.approx(total, rel=0.02)

@@ -9,7 +9,7 @@ import os
 
 import numpy as np
 import pytest
-from simulation.test_solver import rig_of
+from contact_rigs import rig_of
 
 import articulated as art
 

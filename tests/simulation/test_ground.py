@@ -6,8 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from simulation.test_contact import body, on_incline, upright
-from simulation.test_solver import rig_of
+from contact_rigs import body, on_incline, rig_of, upright
 
 import articulated as art
 

@@ -4,52 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from conftest import example_robots
+from contact_rigs import points_of, rig_of
+from dense_step import Dense, near_ground
 
 import articulated as art
-from simulation.dense import Dense, near_ground
-
-ROBOTS = {
-    "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
-    "solo12": "solo_description/robots/solo12.urdf",
-    "human": "human_description/robots/human.urdf",
-}
-
-
-def chain(n: int) -> art.Rig:
-    builder = art.RigBuilder("chain")
-    for k in range(n):
-        inertia = np.diag([1e-4, 7e-4, 7e-4])
-        builder.link(f"link{k}", 0.1, (0.05, 0.0, 0.0), inertia, collisions=[art.Capsule(0.02, 0.06)])
-        if k:
-            axis = ((0, 1, 0), (0, 0, 1))[k % 2]
-            builder.joint(
-                f"joint{k}",
-                "revolute",
-                f"link{k - 1}",
-                f"link{k}",
-                xyz=(0.1, 0.0, 0.0),
-                axis=axis,
-                limits=art.Limits(-1.5, 1.5),
-            )
-    return builder.build("free")
-
-
-def rig_of(name: str) -> art.Rig:
-    if name == "chain":
-        return chain(30)
-    if name == "ragdoll":
-        return art.load("ragdoll", root="free")
-    return art.load(example_robots() / ROBOTS[name], root="free")
-
-
-def points_of(rig: art.Rig, count: int = 16) -> list[art.ContactPoint]:
-    """Points on links, near the ends of the rig and on its root."""
-    links = [link for link in rig.links.values() if link.body >= 0 and link.mass > 0.0]
-    chosen = [links[k] for k in np.linspace(0, len(links) - 1, count).astype(int)]
-    rng = np.random.default_rng(3)
-    return [art.ContactPoint(link.name, tuple((link.center + 0.05 * rng.normal(size=3)).tolist())) for link in chosen]
-
 
 MATERIAL = art.Material(friction=0.8, stiffness=5e4, dissipation=10.0)
 

@@ -192,6 +192,11 @@ class Ground:
         _ = self.material  # is checked
 
     @property
+    def solids(self) -> tuple[Surface, ...]:
+        """The surfaces."""
+        return self.surfaces if isinstance(self.surfaces, tuple) else ()
+
+    @property
     def material(self) -> Material:
         """Of links that `materials` does not name."""
         return Material(self.friction, self.restitution, self.stiffness, self.dissipation)

@@ -43,7 +43,7 @@ class Terms:
     contacts: Sequence[Contact]
     joints: Sequence[JointTerm]
 
-    def velocities(self, V: Sequence[Motion | None], v: Sequence[Scalar]) -> Values:
+    def velocities(self, V: Sequence[Motion], v: Sequence[Scalar]) -> Values:
         """u."""
         return Values([list(c.velocity(V)) for c in self.contacts], [j.velocity(v) for j in self.joints])
 

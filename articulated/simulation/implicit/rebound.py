@@ -6,7 +6,7 @@ give more than came in (Kane 1984): of the way from v₁ to what the second solv
 done by the contacts. Positions move with v₁ up to the part τ of the step at which the first of them meets, then with v⁺.
 
 In free fall a step's velocity is that of its middle. So speeds of impact and rebound are looked at where they happen: the one
-half a step and τ h after u⁻ was true, the other half a step and (1 − τ) h before u⁺ will be. Then balls rise to e² of the height
+half a step and τ h after u⁻ was true, the other half a step and (1 − τ) h before u⁺ will be. So balls rise to e² of the height
 that they fell from, however low that is.
 """
 

@@ -67,8 +67,8 @@ class Sweep:
         if not self.active:
             self._close_world(self._quiet)
 
-    def solve(self, load: Load) -> tuple[list[Scalar], list[Motion | None]]:
-        """The velocities of the coordinates that move with the load, and of the bodies that do; 0 and None for the others."""
+    def solve(self, load: Load) -> tuple[list[Scalar], list[Motion]]:
+        """The velocities of the coordinates that move with the load, and of the bodies that do; 0 for the others."""
         folded = self._quiet.copy()
         for i, inertia in load.inertia.items():
             folded.IA[i] = folded.IA[i] + inertia
@@ -78,7 +78,7 @@ class Sweep:
         v: list[Scalar] = [0.0] * self.mechanism.nv
         return v, self._unfold(folded, v, solves=lambda i: i in self.active, bodies=sorted(self.active - {WORLD}))
 
-    def rest(self, moving: Sequence[Scalar]) -> tuple[list[Scalar], list[Motion | None]]:
+    def rest(self, moving: Sequence[Scalar]) -> tuple[list[Scalar], list[Motion]]:
         """The velocities of all coordinates and bodies, from those that move with the load."""
         v: list[Scalar] = [0.0] * self.mechanism.nv
         for s, x in zip(self.moving, moving, strict=True):
@@ -108,11 +108,9 @@ class Sweep:
         world = folded.eliminations[WORLD] = Elimination.begin(merged(folded.open[WORLD]))
         world.close(self.mechanism.closes[WORLD])
 
-    def _unfold(
-        self, folded: _Folded, v: list[Scalar], solves: Callable[[int], bool], bodies: Iterable[int]
-    ) -> list[Motion | None]:
+    def _unfold(self, folded: _Folded, v: list[Scalar], solves: Callable[[int], bool], bodies: Iterable[int]) -> list[Motion]:
         """Outward: velocities, filled into v."""
-        m, V = self.mechanism, [None] * self.mechanism.nbodies
+        m, V = self.mechanism, [Motion.zero()] * self.mechanism.nbodies
         if solves(WORLD):
             folded.eliminations[WORLD].solve(Motion.zero(), v)
         for i in bodies:
@@ -137,8 +135,8 @@ class _Folded:
     @staticmethod
     def begin(tree: Tree) -> _Folded:
         n = tree.mechanism.nbodies
-        # something is added to each body, a load or a zero: so a state has the same bits whatever might, but does not, act on it
-        zero = unfolded(0.0, tree.X[0].R.rows[0].x) if n else 0.0
+        # something is added to each body, a load or a zero: bits are the same if a load might act but does not
+        zero = unfolded(0.0, tree.center(0).x) if n else 0.0
         three, six = Vec3(zero, zero, zero), Sym3(*[zero] * 6)
         nothing = ArticulatedInertia(six, Mat3(three, three, three), six)
         IA = [tree.inertia(i).articulated() + nothing for i in range(n)]
