@@ -131,8 +131,14 @@ def mujoco_configuration(rig: art.Rig, q: np.ndarray) -> np.ndarray:
     return q
 
 
-def mjcf(rig: art.Rig) -> str:
-    """A rig of hinges, slides and a free root as MuJoCo's XML, body by body."""
+def mjcf(
+    rig: art.Rig,
+    on_body: Callable[[int], str] = lambda i: "",
+    on_joint: Callable[[str], str] = lambda name: "",
+    world: str = "",
+    option: str | None = None,
+) -> str:
+    """A rig of hinges, slides and a free root as MuJoCo's XML, body by body, with what else is to stand in it."""
     children: dict[int, list[int]] = {}
     for i, body in enumerate(rig.bodies):
         children.setdefault(body.parent, []).append(i)
@@ -146,14 +152,15 @@ def mjcf(rig: art.Rig) -> str:
         xyaxes = np.concatenate([body.pose[:3, 0], body.pose[:3, 1]])
         I = body.inertia
         full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
-        joint = "<freejoint/>" if kind == "free" else f'<joint type="{kind}" axis="0 0 1"/>'
+        joint = "<freejoint/>" if kind == "free" else f'<joint type="{kind}" axis="0 0 1" {on_joint(body.joint)}/>'
         inside = "".join(element(k) for k in children.get(i, []))
         return (
             f'<body pos="{vector(body.pose[:3, 3])}" xyaxes="{vector(xyaxes)}">{joint}'
-            f'<inertial pos="{vector(body.center)}" mass="{body.mass!r}" fullinertia="{vector(full)}"/>{inside}</body>'
+            f'<inertial pos="{vector(body.center)}" mass="{body.mass!r}" fullinertia="{vector(full)}"/>{on_body(i)}{inside}</body>'
         )
 
     roots = "".join(element(i) for i in children.get(-1, []))
     flags = '<flag contact="disable" constraint="disable"/>'
     compiler = '<compiler balanceinertia="true" boundmass="1e-9" boundinertia="1e-12"/>'
-    return f"<mujoco>{compiler}<option>{flags}</option><worldbody>{roots}</worldbody></mujoco>"
+    option = f"<option>{flags}</option>" if option is None else option
+    return f"<mujoco>{compiler}{option}<worldbody>{world}{roots}</worldbody></mujoco>"

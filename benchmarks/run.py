@@ -20,6 +20,7 @@ import time
 from collections.abc import Callable
 
 import numpy as np
+from contact import contact, contact_growth, stepping
 from peers import Native, Pinocchio, mujoco_forward
 from rigs import ROBOTS, chain, robot
 from timing import at_once, median, pin_to_one_core, ratio, setting, timed, turns
@@ -338,6 +339,9 @@ TABLES = {
     "growth": growth,
     "simulation": simulation,
     "starting": starting,
+    "contact": contact,
+    "stepping": stepping,
+    "contact_growth": contact_growth,
 }
 ALL_CORES = os.sched_getaffinity(0)
 
