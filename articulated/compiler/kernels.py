@@ -44,10 +44,11 @@ class Kernel:
     Attributes:
         name: of the program.
         format: number format, and states that a block holds.
+        ordered: whether the program is.
     """
 
-    def __init__(self, name: str, f: Format, on: Machine, header: dict[str, Any], code: bytes):
-        self.name, self.format = name, f
+    def __init__(self, program: Program, f: Format, on: Machine, header: dict[str, Any], code: bytes):
+        self.name, self.format, self.ordered = program.name, f, program.ordered
         self._block: float = header["operations"] * _OPERATION  # about how long one takes [s]
         self._tile: int = header["tile"]
         self._scratch_bytes: int = header["scratch"] * header["tile"]
@@ -72,6 +73,7 @@ class Kernel:
         threads: int | None,
         parameters: Sequence[int] = (),
         turns: int = 1,
+        order: np.ndarray | None = None,
     ) -> int:
         """Run it on a batch; the flags of `lowering`.
 
@@ -82,10 +84,14 @@ class Kernel:
             threads: how many may share it; None is as many as are useful.
             parameters: the program's integers.
             turns: how often most of its code runs.
+            order: in which to take the states, if it is an ordered program; None is the order in which they stand.
         """
         entries: list[int] = []
         for array, state, row, rows in arrays:
             entries += (address_of(array), state, row, 0 if rows is None else address_of(rows))
+        if self.ordered:
+            order = np.arange(batch) if order is None else np.ascontiguousarray(order, np.int64)
+            entries.append(address_of(order))
         table = (ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters)
         threads = self.threads(batch, threads, turns)
         if threads > 1 and (job := self.job(batch, threads, turns)) is not None:
@@ -154,7 +160,7 @@ def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel
     if entry is None or set(entry[0]) != {"operations", "scratch", "tile", "objects"}:
         entry = _build(program, f, on)
         disk.put(key, *entry)
-    return Kernel(program.name, f, on, *entry)
+    return Kernel(program, f, on, *entry)
 
 
 def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], bytes]:

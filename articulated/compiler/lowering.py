@@ -6,7 +6,8 @@ cache is fetched less often. A last block that is not full overlaps the one befo
 the last one. So nothing is read or written out of bounds, and a state's bits do not depend on where it stands.
 
 The table has four integers for each array, arguments first: address, bytes from state to state, bytes from row to row, and,
-for an argument with rows, the address of the numbers of the rows that the turns of its loop take. Then come the parameters.
+for an argument with rows, the address of the numbers of the rows that the turns of its loop take. Then come, for a program that
+is ordered, the address of the numbers of the states, and the parameters.
 The kernel returns flags: 1 if an argument, 2 if a result is not finite, 4 if a check fails.
 """
 
@@ -46,11 +47,11 @@ class Lowering:
         text = kernel.function()
         chunks, self.scratch = kernel.chunks, kernel.transfers.scratch
         self.operations = sum(1 for _ in schedule.operations())
-        early = any(loop.until is not None for loop in schedule.loops)  # fewer states end sooner
+        early = program.ordered or any(loop.until is not None for loop in schedule.loops)  # fewer states end sooner
         self.tile = _TILE if f.lanes > 1 and self.operations > _INSTRUCTIONS and not early else 1
         arrays = (*program.arguments, *program.results)
         small = self.scratch * self.tile <= STACK and (f.lanes > 1 or not f.single)
-        plain = small and not any(array.rows or array.table for array in arrays)
+        plain = small and not program.ordered and not any(array.rows or array.table for array in arrays)
         light = [light_text(program, f, self.scratch, self.tile)] if plain else []
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
         size = f"@size = internal constant i64 {self.scratch}"
@@ -90,10 +91,7 @@ class _Kernel:
         count = text.integer("sub", "%end", "%begin")
         self._last = text.integer("smax", text.integer("sub", "%end", lanes), "%begin")
         for lane in range(lanes):
-            ahead = text.integer("smin", lane, text.integer("sub", count, 1))
-            for a in range(self.arrays):
-                offset = text.integer("mul", ahead, text.word("%table", 4 * a + 1))
-                text.keep(offset, text.entry("%offsets", a * lanes + lane))
+            self._place(lane, text.integer("smin", lane, text.integer("sub", count, 1)))
         blocks = text.integer("sdiv", text.integer("add", count, lanes - 1), lanes)
         self._first, self._blocks = "%begin", text.integer("smin", blocks, "%tile")
         self._each(lambda scratch, state: f"@constants(ptr {scratch})", tells=False)
@@ -105,9 +103,21 @@ class _Kernel:
             self._blocks = text.integer("smin", text.integer("sub", blocks, before), "%tile")
             for k in range(regions):
                 text.keep(0, text.entry("%turns", k))
+            if self.program.ordered:
+                first, order = text.integer("smin", self._first, self._last), text.word("%table", 4 * self.arrays, "ptr")
+                for lane in range(lanes):
+                    place = text.integer("smin", text.integer("add", first, lane), text.integer("sub", "%end", 1))
+                    self._place(lane, text.word(order, place))
             self._items(self.schedule.items, "")
         arguments = "ptr %table, ptr noalias %scratch, i64 %begin, i64 %end, i64 %tile"
         return text.function("i64", "kernel", arguments, text.word("%flags"), linkage="")
+
+    def _place(self, lane: int, state: str) -> None:
+        """Tell that a lane has the state so many on from a block's first, or of all, if they are taken in an order."""
+        text = self.text
+        for a in range(self.arrays):
+            offset = text.integer("mul", state, text.word("%table", 4 * a + 1))
+            text.keep(offset, text.entry("%offsets", a * self.f.lanes + lane))
 
     def _items(self, items: Sequence[Item], end: str) -> None:
         """Write what the items do; `end` is where the innermost loop ends."""
@@ -135,7 +145,7 @@ class _Kernel:
     def _repeat(self, item: Repeat) -> None:
         text, count = self.text, item.loop.count
         if isinstance(count, Parameter):
-            count = text.word("%table", 4 * self.arrays + count.index)
+            count = text.word("%table", 4 * self.arrays + self.program.ordered + count.index)
         with text.loop(count) as turn:
             self._items(item.items, turn.end)
             taken = text.entry("%turns", item.loop.region)  # rows are counted on when the loop begins again
@@ -161,7 +171,7 @@ class _Kernel:
         with text.loop(self._blocks, "i64", ["0"]) as turn:
             scratch = text.at("%scratch", text.integer("mul", turn.k, size))
             ahead = text.integer("add", self._first, text.integer("mul", turn.k, self.f.lanes))
-            called = call(scratch, text.integer("smin", ahead, self._last))
+            called = call(scratch, "0" if self.program.ordered else text.integer("smin", ahead, self._last))
             if tells:
                 turn.following = [text.integer("or", turn.values[0], text.let(f"call i64 {called}"))]
             else:

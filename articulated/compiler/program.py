@@ -45,6 +45,7 @@ class Program:
         unfit: from the same, a mask of the states that should not be computed with; None: there are none.
         watched: whether a kernel tells of numbers that are not finite.
         constants: values of arguments that C has as constants, by name.
+        ordered: whether a call tells in which order to take the states: those that take as long had best be neighbours.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Program:
     unfit: Callable[..., Any] | None = None
     watched: bool = True
     constants: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    ordered: bool = False
 
 
 class Tape:

@@ -36,6 +36,8 @@ from articulated.simulation.scene import Numbers, Scene
 from articulated.simulation.state import State
 
 _FRAMES, _PERIODS, _SUBSTEPS = range(3)
+_CROWD, _TOGETHER = 32, 8
+"""A batch of so many states is regrouped every so many steps."""
 _PATIENCE = 0.2
 """How long compiled code may run before it comes back, for an interrupt or to show progress [s]."""
 
@@ -113,6 +115,7 @@ class Rollout:
         self.recorded = ((self.rig.nq,), (self.rig.nv,), (), *((len(part),) for part in self.shown.values()))
         given = np.concatenate([start.q, start.v, start.work[..., None], start.memory], axis=-1)
         self.motion = given if given.shape[-1] == self._size else self._begun(given[..., : self.rig.nq + self.rig.nv + 1])
+        self._spare: np.ndarray | None = None  # memory to move into: what was moved from
 
     def run(self) -> Iterator[Frames]:
         """All frames, some at a time."""
@@ -163,7 +166,7 @@ class Rollout:
     @property
     def solves(self) -> bool:
         """Whether its steps are solutions of a problem, with a residual."""
-        return self.world.integrator == "semi_implicit" and bool(self.scene.touches or self.scene.stopped or self.scene.drives)
+        return self.world.integrator == "semi_implicit" and self.scene.is_one_sided
 
     def residual(self) -> np.ndarray:
         """The largest that a step of each state has left [m/s]."""
@@ -212,6 +215,8 @@ class Rollout:
         plan, frames = self.plan, self.plan.frames
         work = self._kernel().cost(math.prod(self.batch)) * plan.periods * plan.substeps  # for a frame
         share = max(1, min(frames, int(_PATIENCE / max(work, 1e-9))))
+        if self._regroups:
+            share = max(1, min(share, _TOGETHER // (plan.periods * plan.substeps)))
         for first in range(0, frames, share):
             count = min(share, frames - first)
             arrays = [np.empty((*self.batch, count, *shape), self.dtype) for shape in self.recorded]
@@ -240,8 +245,26 @@ class Rollout:
     # compiled
 
     def _run(self, first: int, frames: int, periods: int, recorded: list[np.ndarray]) -> None:
-        """Run some frames from period `first` on, recording their beginnings."""
-        moved, batch, size = np.empty_like(self.motion), self.batch, self.dtype.itemsize
+        """Run some frames from period `first` on, recording their beginnings.
+
+        Where states are regrouped, a few steps at a time; only the first piece of a frame begins it.
+        """
+        substeps = self.plan.substeps
+        if not self._regroups or frames * periods * substeps <= _TOGETHER:
+            self._run_piece(first, (frames, periods, substeps), recorded)
+            return
+        aside = [np.empty((*self.batch, 1, *shape), self.dtype) for shape in self.recorded]
+        for frame in range(frames):
+            into = [array[(*[slice(None)] * len(self.batch), slice(frame, frame + 1))] for array in recorded]
+            for k, some, parts in _pieces(periods, substeps):
+                self._run_piece(first + frame * periods + k, (1, some, parts), into)
+                into = aside
+
+    def _run_piece(self, first: int, loops: tuple[int, int, int], recorded: list[np.ndarray]) -> None:
+        frames, periods, substeps = loops
+        moved, batch, size = self._spare, self.batch, self.dtype.itemsize
+        if moved is None:
+            moved = np.empty_like(self.motion)
         table = [states(self.motion, batch, 1), states(self._settings(first), batch, 1)]
         table.append(states(self.world.numbers.astype(self.dtype, copy=False), batch, 1))
         for signal in self.signals:
@@ -256,11 +279,22 @@ class Rollout:
             table.append(states(np.array(self.world.gravity, self.dtype), batch, 1))
         for array, shape in zip(recorded, self.recorded, strict=True):
             row = size * math.prod(shape)
-            table.append((array, row * frames, row, None))
+            stride = array.strides[len(batch) - 1] if batch else row * frames
+            table.append((array, stride, row, None))
         table.append(states(moved, batch, 1))
-        loops = frames, periods, self.plan.substeps
-        self._kernel()(table, math.prod(batch), self.threads, loops, math.prod(loops))
-        self.motion = moved
+        loops = frames, periods, substeps
+        self._kernel()(table, math.prod(batch), self.threads, loops, math.prod(loops), self._order())
+        self.motion, self._spare = moved, self.motion
+
+    def _order(self) -> np.ndarray | None:
+        """States whose steps took as many sweeps as each other's, side by side: a group waits for its slowest."""
+        if not self._regroups:
+            return None
+        return np.argsort(self.motion[..., self._like.stance.latest].ravel().astype(np.int16), kind="stable")
+
+    @property
+    def _regroups(self) -> bool:
+        return self.solves and math.prod(self.batch) >= _CROWD
 
     @property
     def _gravity_given(self) -> bool:
@@ -323,7 +357,18 @@ class Rollout:
             results=(*results, Array("motion", (self._size,))),
             write=write,
             watched=False,
+            ordered=self.solves,
         )
+
+
+def _pieces(periods: int, substeps: int) -> Iterator[tuple[int, int, int]]:
+    """A frame a few steps at a time: the first period of each piece, how many periods, and how many substeps of each."""
+    if substeps < _TOGETHER:
+        most = _TOGETHER // substeps
+        yield from ((k, min(most, periods - k), substeps) for k in range(0, periods, most))
+        return
+    for k in range(periods):
+        yield from ((k, 1, min(_TOGETHER, substeps - n)) for n in range(0, substeps, _TOGETHER))
 
 
 def _interpolated(m: Mechanism, motion: Nested, t: Scalar, integrator: str) -> Nested:

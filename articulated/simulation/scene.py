@@ -93,6 +93,12 @@ class Scene:
         return repr((*parts, self.drives, limits)).encode() + content(self.rig)
 
     @property
+    def is_one_sided(self) -> bool:
+        """Whether a step is more than a linear system."""
+        limited = self.drives is not None and self.drives.limited
+        return bool(self.touches or self.stopped or self.cones or limited or any(self.mechanism.friction))
+
+    @property
     def is_stiff(self) -> bool:
         """Whether anything in it is that an explicit method may not get over."""
         m = self.mechanism

@@ -366,3 +366,67 @@ class TestSmooth:
             for settings in ({"integrator": "dopri5"}, {"dt": 2e-5})
         ]
         assert ends[1] == pytest.approx(ends[0], abs=1e-3)
+
+
+class TestConvergence:
+    @pytest.fixture(scope="class")
+    @staticmethod
+    def falls():
+        """A stiff doll falls on its feet and over: 0.25 s in the air, then 0.35 s on the ground, at halved steps."""
+        rig = art.load("ragdoll", root="free")
+        drives = art.PD(stiffness=300.0, damping=20.0)
+        ground = art.Ground(friction=0.6, stiffness=2e5, dissipation=5.0)
+        q = upright(rig, 1.35)
+        q[3:7] = [math.sin(0.1), 0.0, 0.0, math.cos(0.1)]
+        v = np.zeros(rig.nv)
+        v[5], v[8], v[12] = 1.0, 2.0, -3.0
+        runs = {}
+        for n in (1, 2, 4, 8):
+            simulation = art.Simulation(rig, dt=0.002 / n, ground=ground, actuation=drives, limits=False, tolerance=1e-7)
+            runs[n] = simulation.run(q, v, 0.6, 500)
+        return rig, runs
+
+    def test_before_the_first_impact(self, falls):
+        """Of order 1: half the step, half the error."""
+        rig, runs = falls
+        air = int(np.argmax(runs[8].contact_gaps.min(axis=1) < 0.0)) - 2
+        assert air > 80
+        ends = [runs[n].q[air] for n in (1, 2, 4, 8)]
+        errors = [np.linalg.norm(art.difference(rig, a, b)) for a, b in pairwise(ends)]
+        assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.2)
+        assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.2)
+
+    def test_after_it(self, falls):
+        """Halved steps agree better and better with each other."""
+        rig, runs = falls
+        errors = [np.abs(art.difference(rig, runs[a].q, runs[2 * a].q)).max() for a in (1, 2, 4)]
+        assert errors[2] < errors[0]
+        assert errors[2] < 0.05
+
+    def test_laws_of_contact(self, falls):
+        """How far each law is missed, by itself: Signorini's, Coulomb's and that of maximum dissipation.
+
+        After Le Lidec et al. 2023, "Contact models in robotics: a comparative study". Forces and velocities are those of a step.
+        """
+        rig, runs = falls
+        for n, run in runs.items():
+            force, normal = run.contact_forces[1:], run.contact_normals[1:]
+            push = np.einsum("tci,tci->tc", force, normal)
+            rub = force - push[..., None] * normal
+            weight = G * rig.mass
+            signorini = np.minimum(np.maximum(run.contact_gaps[1:], 0.0), push / weight).max()  # [m], force over weight
+            coulomb = np.maximum(np.linalg.norm(rub, axis=-1) - 0.6 * np.maximum(push, 0.0), 0.0).max() / weight
+            velocity, X = art.link_velocities(rig, run.q[1:], run.v[1:]), art.link_poses(rig, run.q[1:])
+            which = [rig.links[name].index for name in run.contact_links]
+            arm = run.contact_points[1:] - X[:, which, :3, 3]
+            slip = velocity[:, which, :3] + np.cross(velocity[:, which, 3:], arm)
+            slip -= np.einsum("tci,tci->tc", slip, normal)[..., None] * normal
+            slides = (np.linalg.norm(slip, axis=-1) > 0.1) & (push > 0.02 * weight)
+            opposed = np.einsum("tci,tci->tc", slip, rub) / np.maximum(
+                np.linalg.norm(slip, axis=-1) * np.linalg.norm(rub, axis=-1), 1e-12
+            )
+            assert slides.any()
+            assert opposed[slides].max() < -0.9
+            assert push.min() > -1e-6 * weight
+            assert signorini < 2e-3
+            assert coulomb < 0.15 / n + 0.02

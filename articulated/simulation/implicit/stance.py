@@ -21,7 +21,8 @@ class Stance:
         efforts: what drives gave in the last step [N m or N].
         residual: the largest of the solver so far [m/s].
         failures: steps so far in which the solver did not reach its tolerance.
-        sweeps: it has taken so far.
+        latest: sweeps of the last step.
+        sweeps: of all steps so far.
     """
 
     anchors: list[list[Scalar]]
@@ -31,6 +32,7 @@ class Stance:
     efforts: list[Scalar]
     residual: Scalar
     failures: Scalar
+    latest: Scalar
     sweeps: Scalar
 
 
@@ -50,7 +52,7 @@ def unmoved(scene: Scene) -> Stance:
     drives = scene.drives.coordinates if scene.drives else ()
     anchors, pushes = [[0.0] * 2 for _ in range(n)], [[0.0] * 3 for _ in range(n)]
     shift = [0.0] * (scene.mechanism.nv if scene.rebounds else 0)
-    return Stance(anchors, [0.0] * len(dry), shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0)
+    return Stance(anchors, [0.0] * len(dry), shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0, 0.0)
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

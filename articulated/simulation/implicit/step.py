@@ -143,6 +143,7 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
         list(efforts),
         maximum(before.residual, residual),
         before.failures + where(residual < forces.numbers.tolerance, 0.0, 1.0),
+        found.k,
         before.sweeps + found.k,
     )
 
