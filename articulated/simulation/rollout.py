@@ -113,9 +113,10 @@ class Rollout:
         self._size = len(flatten(self._like))
         self.shown = self._shown(self._like)
         self.recorded = ((self.rig.nq,), (self.rig.nv,), (), *((len(part),) for part in self.shown.values()))
-        given = np.concatenate([start.q, start.v, start.work[..., None], start.memory], axis=-1)
+        given = start.motion()
         self.motion = given if given.shape[-1] == self._size else self._begun(given[..., : self.rig.nq + self.rig.nv + 1])
-        self._spare: np.ndarray | None = None  # memory to move into: what was moved from
+        self._spare: np.ndarray | None = None  # memory to move into: what was moved from, if nobody else has it
+        self._shared = True
 
     def run(self) -> Iterator[Frames]:
         """All frames, some at a time."""
@@ -143,8 +144,8 @@ class Rollout:
             given = [Argument("motion", motion, motion.shape[-1:]), Argument("t", t, ())]
             options = {"watched": False, "integrator": self.world.integrator}
             motion = call(self.rig, _interpolated, given, (nq + nv + 1,), None, self.threads, **options)
-        q, v, rest = motion[..., :nq], motion[..., nq : nq + nv], motion[..., nq + nv + 1 :]
-        return State(t, q.copy(), v.copy(), motion[..., nq + nv].copy(), rest.copy())
+        self._shared = True
+        return State.of(t, motion, nq, nv)
 
     def _shown(self, motion: Motion) -> dict[str, list[Any]]:
         """What the method shows of the step before, flat; without what is empty."""
@@ -192,7 +193,7 @@ class Rollout:
         if math.prod(self.batch) == 0:
             return
         if not interpreting():
-            self._run(k, 1, 1, [np.empty((*self.batch, 1, *shape), self.dtype) for shape in self.recorded])
+            self._run(k, 1, 1, None)
             return
         settings, numbers = self._settings(k), self.world.numbers
         given = [(self.motion, 1), (np.broadcast_to(settings, (*self.batch, *settings.shape)), 1)]
@@ -244,8 +245,8 @@ class Rollout:
 
     # compiled
 
-    def _run(self, first: int, frames: int, periods: int, recorded: list[np.ndarray]) -> None:
-        """Run some frames from period `first` on, recording their beginnings.
+    def _run(self, first: int, frames: int, periods: int, recorded: list[np.ndarray] | None) -> None:
+        """Run some frames from period `first` on, recording their beginnings, if wanted.
 
         Where states are regrouped, a few steps at a time; only the first piece of a frame begins it.
         """
@@ -253,14 +254,14 @@ class Rollout:
         if not self._regroups or frames * periods * substeps <= _TOGETHER:
             self._run_piece(first, (frames, periods, substeps), recorded)
             return
-        aside = [np.empty((*self.batch, 1, *shape), self.dtype) for shape in self.recorded]
         for frame in range(frames):
-            into = [array[(*[slice(None)] * len(self.batch), slice(frame, frame + 1))] for array in recorded]
+            here = (*[slice(None)] * len(self.batch), slice(frame, frame + 1))
+            into = None if recorded is None else [array[here] for array in recorded]
             for k, some, parts in _pieces(periods, substeps):
                 self._run_piece(first + frame * periods + k, (1, some, parts), into)
-                into = aside
+                into = None
 
-    def _run_piece(self, first: int, loops: tuple[int, int, int], recorded: list[np.ndarray]) -> None:
+    def _run_piece(self, first: int, loops: tuple[int, int, int], recorded: list[np.ndarray] | None) -> None:
         frames, periods, substeps = loops
         moved, batch, size = self._spare, self.batch, self.dtype.itemsize
         if moved is None:
@@ -277,14 +278,17 @@ class Rollout:
             table.append((heights, 0, 0, None))
         if self._gravity_given:
             table.append(states(np.array(self.world.gravity, self.dtype), batch, 1))
-        for array, shape in zip(recorded, self.recorded, strict=True):
+        if recorded is None:  # what nobody wants has one place for all
+            table += [(np.empty(math.prod(shape), self.dtype), 0, 0, None) for shape in self.recorded]
+        for array, shape in zip(recorded or (), self.recorded, strict=recorded is not None):
             row = size * math.prod(shape)
             stride = array.strides[len(batch) - 1] if batch else row * frames
             table.append((array, stride, row, None))
         table.append(states(moved, batch, 1))
         loops = frames, periods, substeps
         self._kernel()(table, math.prod(batch), self.threads, loops, math.prod(loops), self._order())
-        self.motion, self._spare = moved, self.motion
+        self._spare = None if self._shared else self.motion
+        self.motion, self._shared = moved, False
 
     def _order(self) -> np.ndarray | None:
         """States whose steps took as many sweeps as each other's, side by side: a group waits for its slowest."""

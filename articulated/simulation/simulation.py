@@ -128,10 +128,9 @@ class Simulation:
         except ValueError:
             raise ValueError(f"leading axes do not broadcast: q0 {q.shape}, v0 {v.shape}") from None
         dtype = np.float32 if q.dtype == v.dtype == np.float32 else np.float64
-        q = np.array(np.broadcast_to(q, (*batch, rig.nq)), dtype=dtype)
-        v = np.array(np.broadcast_to(v, (*batch, rig.nv)), dtype=dtype)
-        memory = np.zeros((*batch, INTEGRATORS[self._world.integrator].remembers(self._world.scene)), dtype=dtype)
-        new = State(0.0, q, v, np.zeros(batch, dtype), memory)
+        remembered = INTEGRATORS[self._world.integrator].remembers(self._world.scene)
+        new = State.of(0.0, np.zeros((*batch, rig.nq + rig.nv + 1 + remembered), dtype), rig.nq, rig.nv)
+        new.q[...], new.v[...] = q, v
         return new if state is None else _partly(new, state, where)
 
     def step(self, state: State, control: Control = None, external: Control = None) -> State:
@@ -241,16 +240,12 @@ def _partly(new: State, state: State, where: ArrayLike | None) -> State:
         raise ValueError(
             f"where holds {mask.dtype}, shape {mask.shape}; expected booleans, shape {batch}, as the state's batch"
         )
+    now = state.motion()
     try:
-        parts = [
-            np.where(mask if name == "work" else mask[..., None], getattr(new, name), getattr(state, name)).astype(
-                state.q.dtype
-            )
-            for name in ("q", "v", "work", "memory")
-        ]
+        motion = np.where(mask[..., None], new.motion(), now)
     except ValueError:
         raise ValueError(f"q0 {new.q.shape} and v0 {new.v.shape} do not broadcast to the state's {batch}") from None
-    return State(state.time, *parts)
+    return State.of(state.time, motion.astype(now.dtype, copy=False), state.q.shape[-1], state.v.shape[-1])
 
 
 def simulate(rig: Rig, duration: float = 5.0, *, q0=None, v0=None, fps: float = 60.0, control=None, **settings) -> Trajectory:

@@ -418,7 +418,7 @@ class TestConvergence:
             coulomb = np.maximum(np.linalg.norm(rub, axis=-1) - 0.6 * np.maximum(push, 0.0), 0.0).max() / weight
             velocity, X = art.link_velocities(rig, run.q[1:], run.v[1:]), art.link_poses(rig, run.q[1:])
             which = [rig.links[name].index for name in run.contact_links]
-            arm = run.contact_points[1:] - X[:, which, :3, 3]
+            arm = run.contact_points[1:] - X[:, which][..., :3, 3]
             slip = velocity[:, which, :3] + np.cross(velocity[:, which, 3:], arm)
             slip -= np.einsum("tci,tci->tc", slip, normal)[..., None] * normal
             slides = (np.linalg.norm(slip, axis=-1) > 0.1) & (push > 0.02 * weight)

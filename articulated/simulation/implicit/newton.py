@@ -145,7 +145,7 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
         full, off = _full_step(sweep, terms, at, where(bounded, 0.0, 1.0))
         if terms.contacts:
             full = replace(full, limits=_limits(terms, full, at))
-        alpha, square = _searched(terms, at, full, off, mass, where(bounded, 1.0, where(found(at), 1.0, 0.0)))
+        alpha, square = _searched(terms, at, full, off, where(bounded, 1.0, where(found(at), 1.0, 0.0)))
         left = 1.0 - alpha
         return replace(
             full,
@@ -220,7 +220,7 @@ class _Line:
     done: Scalar
 
 
-def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, mass: float, settled: Scalar) -> tuple[Scalar, Scalar]:
+def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, settled: Scalar) -> tuple[Scalar, Scalar]:
     """How far to go, and Σ ‖g − y‖² there: all the way where that is settled or downhill enough, else to the bottom."""
     du = full.u.minus(at.u)
     off_end, square = terms.answers(full.u, full.y, full.limits)
