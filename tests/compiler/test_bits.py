@@ -7,6 +7,7 @@ import os
 
 import numpy as np
 import pytest
+from contact_rigs import chain
 from random_trees import random_rig
 
 import articulated as art
@@ -73,6 +74,31 @@ def test_every_level_of_vector_instructions(rig, inputs, level, monkeypatch):
     expected = everything(rig)
     monkeypatch.setenv("ARTICULATED_SIMD", level)
     assert everything(rig.with_joints(damping=0.1)) == expected
+
+
+@pytest.mark.parametrize("level", list(_levels()))
+@pytest.mark.parametrize("single", [False, True])
+def test_contact_at_every_level(level, single, monkeypatch):
+    """Steps with contact end after different numbers of sweeps, in groups of different sizes."""
+    slope = np.add.outer(0.1 * np.arange(9.0), 0.05 * np.arange(9.0) ** 2)
+    ground = art.Ground([art.HeightField(slope, 0.1, (-0.4, -0.4, -0.5)), art.Plane()], restitution=0.4)
+
+    def run() -> bytes:
+        rig = chain(4).with_joints(damping=0.01, friction=0.01)
+        drives = art.PD(stiffness=1.0, damping=0.01, limit=0.2)
+        simulation = art.Simulation(rig, ground=ground, limits=art.Stops(restitution=0.5), actuation=drives)
+        q, v = rig.random(0, 21), 2.0 * np.random.default_rng(0).normal(size=(21, rig.nv))
+        q[:, 2] = 0.5
+        dtype = np.float32 if single else np.float64
+        state = simulation.reset(q.astype(dtype), v.astype(dtype))
+        for _ in range(150):
+            state = simulation.step(state, q)
+        assert len(set(state.memory[:, -1].tolist())) > 5
+        return state.q.tobytes() + state.v.tobytes() + simulation.contacts(state).forces.tobytes()
+
+    expected = run()
+    monkeypatch.setenv("ARTICULATED_SIMD", level)
+    assert run() == expected
 
 
 def test_unknown_level(monkeypatch):
