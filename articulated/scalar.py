@@ -8,7 +8,7 @@ A float outside a function's domain gives NaN, as numpy does, so that a state th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -105,9 +105,12 @@ def lookup(table: Any, k: Scalar) -> Scalar:
     return table.entry(k)
 
 
-def unfolded(x: float, beside: Scalar) -> Scalar:
-    """A constant that no compiler computes with beforehand: what it meets has the bits that it has beside a variable."""
-    return beside.unfolded(x) if hasattr(beside, "unfolded") else x
+def unfolded(x: float, among: Iterable[Scalar]) -> Scalar:
+    """A constant that no compiler computes with beforehand: what it meets has the bits that it has beside a variable.
+
+    `among` holds some of the scalars that it will meet, of which one at least is no constant.
+    """
+    return next((scalar.unfolded(x) for scalar in among if hasattr(scalar, "unfolded")), x)
 
 
 def is_zero(x: Scalar) -> bool:

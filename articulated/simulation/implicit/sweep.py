@@ -62,7 +62,7 @@ class Sweep:
         acted |= {i for i, joint in enumerate(m.joints) if coordinates & set(joint.v)}
         self.active = {k for i in acted for k in (WORLD, *m.support(i))}
         self.moving = sorted(s for i in self.active for s in m.closes[i])
-        self._quiet = _Folded.begin(tree)
+        self._quiet = _Folded.begin(tree, p)
         self._fold(self._quiet, (i for i in reversed(range(m.nbodies)) if i not in self.active), Load.none())
         if not self.active:
             self._close_world(self._quiet)
@@ -133,10 +133,10 @@ class _Folded:
     eliminations: dict[int, Elimination]
 
     @staticmethod
-    def begin(tree: Tree) -> _Folded:
+    def begin(tree: Tree, p: Sequence[Scalar]) -> _Folded:
         n = tree.mechanism.nbodies
         # something is added to each body, a load or a zero: bits are the same if a load might act but does not
-        zero = unfolded(0.0, tree.center(0).x) if n else 0.0
+        zero = unfolded(0.0, p)
         three, six = Vec3(zero, zero, zero), Sym3(*[zero] * 6)
         nothing = ArticulatedInertia(six, Mat3(three, three, three), six)
         IA = [tree.inertia(i).articulated() + nothing for i in range(n)]
