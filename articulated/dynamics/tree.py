@@ -51,9 +51,7 @@ class Tree:
         """The inertia of a body: about its centre of mass, and of a point there, RBDA 2.62."""
         inertia, c = self.mechanism.inertia[i], self.center(i)
         h = c * inertia.mass
-        x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
-        point = Sym3(y + z, -(h.x * c.y), -(h.x * c.z), x + z, -(h.y * c.z), x + y)
-        return RigidInertia(inertia.mass, h, self.X[i].R.conjugate_symmetric(about_center(inertia)) + point)
+        return RigidInertia(inertia.mass, h, self.X[i].R.conjugate_symmetric(about_center(inertia)) + _of_point(h, c))
 
     def center(self, i: int) -> Vec3:
         """The centre of mass of a body."""
@@ -98,9 +96,13 @@ def center_of_mass(inertia: RigidInertia) -> Vec3:
 
 def about_center(inertia: RigidInertia) -> Sym3:
     """The rotational inertia of a body about its centre of mass, in the body."""
-    h, c = inertia.h, center_of_mass(inertia)
+    return inertia.J - _of_point(inertia.h, center_of_mass(inertia))
+
+
+def _of_point(h: Vec3, c: Vec3) -> Sym3:
+    """The rotational inertia of a point mass at c with the first moment h = m c."""
     x, y, z = h.x * c.x, h.y * c.y, h.z * c.z
-    return inertia.J - Sym3(y + z, -(h.x * c.y), -(h.x * c.z), x + z, -(h.y * c.z), x + y)
+    return Sym3(y + z, -(h.x * c.y), -(h.x * c.z), x + z, -(h.y * c.z), x + y)
 
 
 def _root_turned(mechanism: Mechanism, v: Sequence[Scalar], turn) -> list[Scalar]:

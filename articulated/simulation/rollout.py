@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,6 +77,16 @@ class World:
     numbers: np.ndarray
     gravity: tuple[float, ...]
 
+    @cached_property
+    def layout(self) -> Motion:
+        """What the method carries, with the index of each scalar in place of it."""
+        return layout(self.scene, self.integrator)
+
+    @cached_property
+    def size(self) -> int:
+        """How many scalars that is."""
+        return len(flatten(self.layout))
+
 
 class Signals(NamedTuple):
     """What acts in each period: generalized forces, the configuration that drives hold to, and wrenches on links."""
@@ -109,8 +120,8 @@ class Rollout:
         self._tables = [np.ascontiguousarray(table, self.dtype) for table in self.scene.tables]
         self.changes = any(signal.changes for signal in signals)
         self.asks = any(signal.function is not None for signal in signals)
-        self._like: Motion = layout(self.scene, world.integrator)
-        self._size = len(flatten(self._like))
+        self._like = world.layout
+        self._size = world.size
         self.shown = self._shown(self._like)
         self.recorded = ((self.rig.nq,), (self.rig.nv,), (), *((len(part),) for part in self.shown.values()))
         given = start.motion()
@@ -262,7 +273,6 @@ class Rollout:
                 into = None
 
     def _run_piece(self, first: int, loops: tuple[int, int, int], recorded: list[np.ndarray] | None) -> None:
-        frames, periods, substeps = loops
         moved, batch, size = self._spare, self.batch, self.dtype.itemsize
         if moved is None:
             moved = np.empty_like(self.motion)
@@ -282,10 +292,9 @@ class Rollout:
             table += [(np.empty(math.prod(shape), self.dtype), 0, 0, None) for shape in self.recorded]
         for array, shape in zip(recorded or (), self.recorded, strict=recorded is not None):
             row = size * math.prod(shape)
-            stride = array.strides[len(batch) - 1] if batch else row * frames
+            stride = array.strides[len(batch) - 1] if batch else 0
             table.append((array, stride, row, None))
         table.append(states(moved, batch, 1))
-        loops = frames, periods, substeps
         self._kernel()(table, math.prod(batch), self.threads, loops, math.prod(loops), self._order())
         self._spare = None if self._shared else self.motion
         self.motion, self._shared = moved, False

@@ -19,7 +19,7 @@ from articulated.simulation.contact.ground import Ground
 from articulated.simulation.contact.sensing import Contacts, contact_geometry, contact_links
 from articulated.simulation.control import Signal
 from articulated.simulation.describe import described
-from articulated.simulation.methods import INTEGRATORS, Times, layout
+from articulated.simulation.methods import INTEGRATORS, Times
 from articulated.simulation.recording import trajectory_of
 from articulated.simulation.rollout import Plan, Rollout, Signals, World
 from articulated.simulation.state import State
@@ -206,7 +206,7 @@ class Simulation:
     def contacts(self, state: State) -> Contacts:
         """Where a state's points of contact are, and how the ground pushed them in the last step: what sensors feel."""
         scene, (nq, nv) = self._world.scene, (self.rig.nq, self.rig.nv)
-        shown = INTEGRATORS[self._world.integrator].shown(layout(scene, self._world.integrator))
+        shown = INTEGRATORS[self._world.integrator].shown(self._world.layout)
         part = np.array(flatten(shown.get("contact_forces", [])), dtype=int) - (nq + nv + 1)
         n, geometry = scene.touches, contact_geometry(scene, state.q)
         forces = state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 3 * n))
@@ -215,7 +215,7 @@ class Simulation:
 
     def residual(self, state: State) -> np.ndarray:
         """The largest that the solver has left in any step so far, shape (...) [m/s]; zeros for methods that do not solve."""
-        stance = getattr(layout(self._world.scene, self._world.integrator), "stance", None)
+        stance = getattr(self._world.layout, "stance", None)
         if stance is None:
             return np.zeros(state.work.shape)
         return state.memory[..., stance.residual - (self.rig.nq + self.rig.nv + 1)].copy()

@@ -49,7 +49,7 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
         found = solved(sweep, terms, start_at, scene.rig.mass, tolerance)
         along = found.v
     v_new, _ = sweep.rest(found.v)
-    v_moving, _ = sweep.rest(along)
+    v_moving = sweep.rest(along)[0] if scene.rebounds else v_new
     efforts = _efforts(start, terms, found, forces, v_new, h)
     work = start.work + _work(now, terms, found, forces, efforts, (v, v_new), h)
     q_new, v_end = _moved(now, start.q, v_moving, v_new, h)

@@ -13,7 +13,7 @@ from articulated.simulation.implicit.laws import Cone, Drive, Hinge, dot
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
 
 SLIP_SPEED = 1e-3
-"""Width of the friction cone [m/s, rad/s]: from here on it slides. What holds still does not creep: see `Anchor`."""
+"""Width of the friction cone [m/s, rad/s]: from here on it slides. What holds still does not creep: see `Stance.anchors`."""
 SIGMA = 1e-3
 """Friction that holds is at most as hard as 1/σ of the mass that is felt: Castro et al. 2022 (SAP), eq. 21 and 22."""
 NEAR_RIGID = 39.47841760435743
