@@ -27,8 +27,10 @@ MAX_SWEEPS = 40
 BOUNDED = 1
 """Sweeps that bound the slope of friction."""
 _SEARCHES = 6
-_FLAT = 0.1
-"""A step is taken whole if the slope at its end is at most this part of that at its beginning."""
+_DOWNHILL, _FLAT = 0.5, 0.01
+"""A step is taken whole if the slope at its end is at most the first part of that at its beginning; else it is cut short where the
+slope is the second: short steps must be good ones, or sliding contacts take turns for ever.
+"""
 
 _FAR = 1e30
 """An error before there is any."""
@@ -225,8 +227,8 @@ def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, settled: Sc
     du = full.u.minus(at.u)
     off_end, square = terms.answers(full.u, full.y, full.limits)
     at_start, at_end = du.dot(off), du.dot(off_end)
-    enough = _FLAT * absolute(at_start)
-    done = where(settled > 0.5, 1.0, where(at_end <= enough, 1.0, 0.0))
+    steep = absolute(at_start)
+    done = where(settled > 0.5, 1.0, where(at_end <= _DOWNHILL * steep, 1.0, 0.0))
     secant = at_start / minimum(at_start - at_end, -1e-30)
     secant = minimum(maximum(secant, 0.0), 1.0)
     start = _Line(1.0, square, secant, 0.0, 1.0, done)
@@ -240,7 +242,7 @@ def _searched(terms: Terms, at: Iterate, full: Iterate, off: Values, settled: Sc
         low, high = where(first < 0.0, alpha, line.low), where(first < 0.0, line.high, alpha)
         newton, middle = alpha - first / maximum(second, 1e-30), 0.5 * (low + high)
         following = _before_turning(alpha, where((low < newton) & (newton < high), newton, middle), bends)
-        return _Line(alpha, square, following, low, high, where(absolute(first) <= enough, 1.0, 0.0))
+        return _Line(alpha, square, following, low, high, where(absolute(first) <= _FLAT * steep, 1.0, 0.0))
 
     def search(line: _Line) -> _Line:
         turning = _before_turning(1.0, 0.0, terms.bends(at.u.moved(line.alpha, full.u), du, full.limits))
