@@ -12,8 +12,9 @@ from articulated.simulation.implicit.terms import NEAR_RIGID, SIGMA, SLIP_SPEED
 class Dense:
     """A step of one state of a free rig on the plane z = 0, for contact points without radius."""
 
-    def __init__(self, rig, points, material, h, kp, kd, target, limit, stops):
+    def __init__(self, rig, points, material, h, kp, kd, target, limit, stops, before=0.0):
         self.rig, self.points, self.material, self.h = rig, points, material, h
+        self.before = before  # length of the last step, 0 if there was none
         self.kp, self.kd, self.target, self.limit, self.stops = kp, kd, target, limit, stops
         self.links = list(rig.links.values())
         q = rig.neutral()
@@ -23,9 +24,9 @@ class Dense:
         self.w = np.array([np.linalg.norm(np.diag(j @ Minv @ j.T)) / np.sqrt(3.0) for j in J])
 
     def momenta(self, q, v):
-        """Σ Jᵀ (momentum of each link as it was a step ago, and what gravity adds)."""
+        """Σ Jᵀ (momentum of each link as it was before the last step, and what gravity adds)."""
         rig, h = self.rig, self.h
-        q_old = art.integrate(rig, q, -h * v)
+        q_old = art.integrate(rig, q, -self.before * v)
         v_old = v.copy()
         R_old, R = (art.link_poses(rig, x)[0, :3, :3] for x in (q_old, q))
         v_old[:3] = R_old.T @ R @ v[:3]  # a free root's velocity stays the same in the world

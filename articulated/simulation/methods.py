@@ -110,7 +110,11 @@ class Implicit(Fixed):
         return Point(motion.q, motion.v, motion.work)
 
     def shown(self, motion: Standing) -> dict[str, Any]:
-        return {"contact_forces": motion.stance.contact_forces, "efforts": motion.stance.efforts}
+        return {
+            "before": motion.stance.before,
+            "contact_forces": motion.stance.contact_forces,
+            "efforts": motion.stance.efforts,
+        }
 
 
 class Adaptive(Fixed):

@@ -33,9 +33,11 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         finite = np.asarray((np.abs(q) < _LARGEST).all(axis=-1) & (np.abs(v) < _LARGEST).all(axis=-1))
     sound_q = np.where(finite[..., None], q, rig.neutral())
     sound_v = np.where(finite[..., None], v, 0.0)
-    kinetic = kinetic_energy(rig, sound_q, sound_v)
-    if world.integrator == "semi_implicit" and rig.nv:
-        kinetic[..., 1:] = solved_kinetic_energy(rig, sound_q[..., 1:, :], sound_v[..., 1:, :], rollout.plan.times.h)
+    shown = dict(zip(rollout.shown, arrays[3:], strict=True))
+    if "before" in shown and rig.nv:
+        kinetic = solved_kinetic_energy(rig, sound_q, sound_v, shown["before"][..., 0].astype(float, copy=False))
+    else:
+        kinetic = kinetic_energy(rig, sound_q, sound_v)
     kinetic = np.where(finite, kinetic, np.nan)
     potential = np.where(finite, potential_energy(rig, sound_q, world.gravity), np.nan)
     outcome = np.where(finite.all(axis=-1), np.int8(Outcome.COMPLETED), np.int8(Outcome.DIVERGED))
@@ -47,8 +49,7 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
     settings: dict[str, str | float | int] = {"integrator": world.integrator, "dt": times.h, "substeps": rollout.plan.substeps}
     if world.integrator == "dopri5":
         settings |= {"rtol": times.rtol, "atol": times.atol}
-    scene, shown = world.scene, dict(zip(rollout.shown, arrays[3:], strict=True))
-    n = scene.touches
+    scene, n = world.scene, world.scene.touches
     geometry = contact_geometry(scene, sound_q)
     forces = shown.get("contact_forces", np.zeros((*q.shape[:-1], 3 * n)))
     if rollout.solves:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from contact_rigs import points_of, rig_of
@@ -10,6 +12,13 @@ from dense_step import Dense, near_ground
 import articulated as art
 
 MATERIAL = art.Material(friction=0.8, stiffness=5e4, dissipation=10.0)
+
+
+def under_way(simulation, state):
+    """The same states, as if a step had led to them."""
+    memory = state.memory.copy()
+    memory[..., simulation._world.layout.stance.before - (simulation.rig.nq + simulation.rig.nv + 1)] = simulation.dt
+    return dataclasses.replace(state, memory=memory)
 
 
 @pytest.mark.parametrize("name", ["g1", "solo12", "human", "ragdoll", "chain"])
@@ -27,10 +36,9 @@ def test_solution_is_that_of_a_dense_solver(name, limited):
     q, v = near_ground(rig, points, 50, rng)
     q[:, 2] -= np.linspace(0.0, 0.02, len(q))
     target = rig.neutral()
-    state = simulation.step(simulation.reset(q, v), target)
-    dense = Dense(
-        rig, points, MATERIAL, h, 30.0 * free, 1.0 * free, target, np.where(free, 2.0, 1e9) if limited else None, stops
-    )
+    state = simulation.step(under_way(simulation, simulation.reset(q, v)), target)
+    limit = np.where(free, 2.0, 1e9) if limited else None
+    dense = Dense(rig, points, MATERIAL, h, 30.0 * free, 1.0 * free, target, limit, stops, before=h)
     touched = 0
     for k in range(len(q)):
         expected = dense.solve(q[k], v[k])

@@ -15,15 +15,15 @@ from articulated.rig import Rig
 from articulated.scalar import Scalar
 
 
-def solved_kinetic_energy(rig: Rig, q: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
-    """Of states that steps of length h led to, shape (...) [J].
+def solved_kinetic_energy(rig: Rig, q: np.ndarray, v: np.ndarray, h: np.ndarray) -> np.ndarray:
+    """Of states that steps led to, shape (...) [J].
 
     Args:
         rig: the rig.
         q, v: states, shapes (..., nq) and (..., nv).
-        h: [s].
+        h: length of the step before, shape (...) [s]; 0 where there was none.
     """
-    given = [Argument("q", q, (rig.nq,)), Argument("v", v, (rig.nv,)), Argument("h", np.array(h), ())]
+    given = [Argument("q", q, (rig.nq,)), Argument("v", v, (rig.nv,)), Argument("h", h, ())]
     return call(rig, _energy, given, (), None, None, watched=False)
 
 

@@ -25,11 +25,11 @@ def momenta(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[Force
         now: the tree at q.
         start: where it is, and how it got there.
         forces: what acts.
-        h: length of the step, and of the one before.
+        h: length of the step.
     """
     mechanism, v = now.mechanism, start.v
     brought = [a + b for a, b in zip(v, start.stance.shift, strict=True)] if start.stance.shift else v
-    before = tree(mechanism, integrate(mechanism, start.q, [-(h * x) for x in brought]))
+    before = tree(mechanism, integrate(mechanism, start.q, [-(start.stance.before * x) for x in brought]))
     # a free root's velocity is the same in world axes a step ago
     V = before.velocities(in_world(now, v))
     fall = Vec3.of(forces.gravity) * h

@@ -16,6 +16,7 @@ class Stance:
     Attributes:
         anchors: of each contact, how far it has been dragged along the ground while it held [m], along two tangents.
         slack: likewise of each coordinate with dry friction [rad or m].
+        before: length of the step before [s], 0 at the start of a motion: v belongs to where it was then.
         shift: how much faster positions moved in the last step than velocities say, where things may rebound [rad/s or m/s].
         contact_forces: of each contact in the last step, in the world [N].
         efforts: what drives gave in the last step [N m or N].
@@ -27,6 +28,7 @@ class Stance:
 
     anchors: list[list[Scalar]]
     slack: list[Scalar]
+    before: Scalar
     shift: list[Scalar]
     contact_forces: list[list[Scalar]]
     efforts: list[Scalar]
@@ -52,7 +54,7 @@ def unmoved(scene: Scene) -> Stance:
     drives = scene.drives.coordinates if scene.drives else ()
     anchors, pushes = [[0.0] * 2 for _ in range(n)], [[0.0] * 3 for _ in range(n)]
     shift = [0.0] * (scene.mechanism.nv if scene.rebounds else 0)
-    return Stance(anchors, [0.0] * len(dry), shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0, 0.0)
+    return Stance(anchors, [0.0] * len(dry), 0.0, shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0, 0.0)
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

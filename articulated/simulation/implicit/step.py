@@ -138,6 +138,7 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
     return Stance(
         anchors,
         slack,
+        h,
         before.shift,
         [[-(x / h) for x in y] for y in found.y.contacts],
         list(efforts),
