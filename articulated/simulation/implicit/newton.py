@@ -28,8 +28,8 @@ BOUNDED = 1
 """Sweeps that bound the slope of friction."""
 _SEARCHES = 6
 _DOWNHILL, _FLAT = 0.5, 0.01
-"""A step is taken whole if the slope at its end is at most the first part of that at its beginning, else cut short where the slope
-is the second: short steps must be good ones, or sliding contacts take turns for ever.
+"""A step is taken whole if the slope at its end is at most the first part of that at its beginning; else only so far that it is
+the second. Short steps must be good ones, or sliding contacts take turns for ever.
 """
 
 _FAR = 1e30
