@@ -1,6 +1,6 @@
 """From a graph to an order of work: dead code out, multiply-adds fused, the rest in chunks that hand values on through slots.
 
-The order is the algorithm's own. A chunk becomes one function of machine code, small enough for a compiler whose effort grows
+A chunk becomes one function of machine code, small enough for a compiler whose effort grows
 faster than its input. What one chunk computes and another needs has a slot in a scratch buffer; a slot is used again once its
 value has been used for the last time.
 """
@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 from articulated.compiler.graph import LEAVES, MASKS, Graph, Loop, Node, operands
+from articulated.compiler.order import ordered
 
 CHUNK = 1000
 """Operations in a chunk."""
@@ -121,9 +122,7 @@ def schedule(
     roots = [*outputs, [check] if check is not None else []]
     nodes = _fused(graph, _live(graph.nodes, graph.loops, roots))
     live = _live(nodes, graph.loops, roots)
-    by_region: dict[int, list[int]] = defaultdict(list)
-    for i in sorted(live):
-        by_region[graph.region[i]].append(i)
+    by_region = ordered(graph, nodes, live)
     written = {loop.region: loop.records for loop in graph.loops}
     written[0] = [(output, k, node) for output, row in enumerate(outputs) for k, node in enumerate(row)]
     items = _Walk(graph, nodes, by_region, written, group, watched, chunk).region(0)
@@ -200,18 +199,19 @@ class _Walk:
     def region(self, region: int) -> list[Item]:
         """What is read, what is computed, and what is written as soon as it is known."""
         until = self.graph.loops[region - 1].until if region else None
+        place = {i: k for k, i in enumerate(self.by_region[region])}
         items: list[Item] = [*self._reads(region)]
-        writes = self._writes(region)
+        writes = self._writes(region, place)
         chunk = Chunk()
 
-        def close(index: int) -> None:
+        def close(done: int) -> None:
             """End the chunk, and write what is known now."""
             nonlocal chunk
             if chunk.nodes:
                 items.append(chunk)
                 chunk = Chunk()
             ready: dict[int, Write] = {}
-            while writes and writes[0][0] <= index:
+            while writes and writes[0][0] <= done:
                 _, write = writes.pop(0)
                 ready.setdefault(write.array, Write(write.array, [], region)).scalars.extend(write.scalars)
             items.extend(ready.values())
@@ -220,16 +220,16 @@ class _Walk:
         for i in self.by_region[region]:
             op = self.nodes[i][0]
             if op == "loop":
-                close(i)
+                close(place[i])
                 items += self._loop(self.graph.loops[self.nodes[i][1] - 1])
             if op in LEAVES:
                 continue
             chunk.nodes.append(i)
             if i == until or len(chunk.nodes) == self.chunk:
-                close(i)
+                close(place[i])
             if i == until:
                 items.append(Exit(i))
-        close(len(self.nodes))
+        close(len(place))
         return items
 
     def _reads(self, region: int) -> list[Read]:
@@ -242,14 +242,14 @@ class _Walk:
                 arguments[argument].append((k, i))
         return [Read(argument, sorted(scalars), region) for argument, scalars in sorted(arguments.items())]
 
-    def _writes(self, region: int) -> list[tuple[int, Write]]:
-        """Groups of neighbouring scalars, each with the last node that it waits for, in that order."""
+    def _writes(self, region: int, place: dict[int, int]) -> list[tuple[int, Write]]:
+        """Groups of neighbouring scalars, each with the place of the last node that it waits for, in that order."""
         groups: dict[tuple[int, int], list[tuple[int, int]]] = defaultdict(list)
         for output, k, i in self.written[region]:
             groups[output, k // self.group].append((k, i))
 
         def last(scalars: list[tuple[int, int]]) -> int:
-            waits = (i for _, i in scalars if self.graph.region[i] == region and self.nodes[i][0] not in LEAVES - {"after"})
+            waits = (place[i] for _, i in scalars if i in place and self.nodes[i][0] not in LEAVES - {"after"})
             return max(waits, default=-1)
 
         writes = [(last(scalars), Write(output, scalars, region)) for (output, _), scalars in groups.items()]
