@@ -105,8 +105,8 @@ def lookup(table: Any, k: Scalar) -> Scalar:
     return table.entry(k)
 
 
-def unfolded(x: float, among: Iterable[Scalar]) -> Scalar:
-    """A constant that no compiler computes with beforehand: what it meets has the bits that it has beside a variable.
+def unfolded(x: Scalar, among: Iterable[Scalar]) -> Scalar:
+    """A scalar that no compiler simplifies anything with: what it meets has the bits that it has beside any variable.
 
     `among` holds some of the scalars that it will meet, of which one at least is no constant.
     """

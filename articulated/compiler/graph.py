@@ -161,7 +161,8 @@ class Graph:
             return y[1]
         if x[0] == "sub" and x[2] == b:
             return x[1]
-        return self.node("add", a, b) if a <= b else self.node("add", b, a)
+        known = self._known.get(("add", b, a))
+        return self.node("add", a, b) if known is None else known  # the order stays: a product that stands last is fused
 
     def sub(self, a: int, b: int) -> int:
         x, y = self.nodes[a], self.nodes[b]
@@ -303,9 +304,9 @@ class Traced:
     def nearest(self) -> Scalar:
         return elementary.nearest(self, self.graph.single)
 
-    def unfolded(self, x: float) -> Traced:
-        """A constant that takes part in no simplification."""
-        return Traced(self.graph, self.graph.node("same", self.graph.constant(x)))
+    def unfolded(self, x: Scalar) -> Traced:
+        """A scalar that takes part in no simplification."""
+        return Traced(self.graph, self.graph.node("same", self.index_of(x)))
 
     def where(self, a: Scalar, b: Scalar) -> Scalar:
         """`a` where this mask holds, else `b`."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import overload
 
 from articulated.scalar import Scalar
@@ -94,6 +94,9 @@ class Sym3:
 
     def __init__(self, xx: Scalar, xy: Scalar, xz: Scalar, yy: Scalar, yz: Scalar, zz: Scalar):
         self.xx, self.xy, self.xz, self.yy, self.yz, self.zz = xx, xy, xz, yy, yz, zz
+
+    def __iter__(self) -> Iterator[Scalar]:
+        return iter((self.xx, self.xy, self.xz, self.yy, self.yz, self.zz))
 
     @staticmethod
     def of(rows: Sequence[Sequence[Scalar]]) -> Sym3:

@@ -6,7 +6,7 @@ that of forward dynamics, for velocities and impulses. Subtrees in which no term
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from articulated.dynamics.elimination import Elimination, Row, merged
@@ -135,12 +135,18 @@ class _Folded:
     @staticmethod
     def begin(tree: Tree, p: Sequence[Scalar]) -> _Folded:
         n = tree.mechanism.nbodies
-        # something is added to each body, a load or a zero: bits are the same if a load might act but does not
-        zero = unfolded(0.0, p)
-        three, six = Vec3(zero, zero, zero), Sym3(*[zero] * 6)
-        nothing = ArticulatedInertia(six, Mat3(three, three, three), six)
-        IA = [tree.inertia(i).articulated() + nothing for i in range(n)]
-        return _Folded(IA, [Force(three, three)] * n, {i: [] for i in range(WORLD, n)}, {})
+
+        def plain(entries: Iterable[Scalar]) -> Iterator[Scalar]:
+            # bits are the same if a load might act but does not
+            return (unfolded(x, p) for x in entries)
+
+        def loadable(inertia: ArticulatedInertia) -> ArticulatedInertia:
+            H = Mat3(*(Vec3(*plain(row)) for row in inertia.H.rows))
+            return ArticulatedInertia(Sym3(*plain(inertia.J)), H, Sym3(*plain(inertia.M)))
+
+        nothing = Vec3(*plain((0.0, 0.0, 0.0)))
+        IA = [loadable(tree.inertia(i).articulated()) for i in range(n)]
+        return _Folded(IA, [Force(nothing, nothing)] * n, {i: [] for i in range(WORLD, n)}, {})
 
     def copy(self) -> _Folded:
         open_ = {
