@@ -149,12 +149,16 @@ def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel
     Args:
         program: what to compile.
         single: for float32.
-        lanes: states in a block; None is as many as a register holds, 1 is for a single state.
+        lanes: states in a block; None is as many as a register holds, or half as many; 1 is for a single state.
     """
     from articulated.compiler.machine import machine  # LLVM takes a while to load
 
     on = machine()
-    f = Format(lanes or on.register // (4 if single else 8), single)
+    if lanes is None:
+        lanes = on.register // (4 if single else 8)
+        if single and program.ordered:  # states take different times: of sixteen too many wait for the slowest
+            lanes //= 2
+    f = Format(lanes, single)
     key = hashlib.sha256(b"\0".join([_SOURCE, on.identity, repr((program.name, f)).encode(), program.content])).hexdigest()
     entry = disk.get(key)
     if entry is None or set(entry[0]) != {"operations", "scratch", "tile", "objects"}:
