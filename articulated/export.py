@@ -36,10 +36,10 @@ def export_c(
     """Write a rig's dynamics as C99: a header, a source, and an example that uses them.
 
     The functions take and give plain arrays, as their namesakes here take and give one state, and allocate nothing. `step` is a
-    step of the semi-implicit method, with joint limits: from q, v, tau and h to q and v. If joints have dry friction, it also
-    takes and gives `slack`, zeros at first: how far each of them has given way while it held. They compute what their namesakes
-    here compute to the last bit, if the compiler does not contract products and sums on its own (`-std=c99`, or
-    `-ffp-contract=off`).
+    step of the semi-implicit method, with joint limits: from q, v, tau and h to q and v, which a step as long has led to (so a
+    motion that does not start from rest starts a little differently here). If joints have dry friction, it also takes and gives
+    `slack`, zeros at first: how far each of them has given way while it held. They compute what their namesakes here compute to
+    the last bit, if the compiler does not contract products and sums on its own (`-std=c99`, or `-ffp-contract=off`).
 
     Args:
         rig: the rig.
@@ -85,7 +85,7 @@ def _step(rig: Rig, gravity: tuple[float, ...]) -> Program:
     def write(tape: Tape, q: Nested, v: Nested, *rest: Nested) -> list[Nested]:
         slack, (tau, h, values) = rest[:-3], rest[-3:]
         given = rebuilt(like, iter(values))
-        stance = replace(unmoved(scene), slack=[x for part in slack for x in part])
+        stance = replace(unmoved(scene), before=h, slack=[x for part in slack for x in part])
         end = semi_implicit_step(Standing(q, v, 0.0, stance), Forces(scene, tau, None, gravity, given), h)
         return [end.q, end.v, end.stance.slack][: 3 if rubs else 2]
 
