@@ -2,8 +2,9 @@
 
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
-from articulated.simulation.contact.ground import Ground, HeightField, Material, Plane
+from articulated.simulation.contact.ground import Ground, Material
 from articulated.simulation.contact.sensing import Contacts
+from articulated.simulation.contact.surfaces import HeightField, Plane, Stairs
 from articulated.simulation.first_order import FirstOrder, first_order
 from articulated.simulation.methods import INTEGRATORS
 from articulated.simulation.simulation import Simulation, simulate
@@ -20,6 +21,7 @@ __all__ = [
     "Material",
     "Plane",
     "Simulation",
+    "Stairs",
     "State",
     "Stops",
     "first_order",

@@ -20,7 +20,7 @@ from articulated.dynamics.tree import Tree, tree
 from articulated.rig import Rig
 from articulated.scalar import Scalar, sqrt
 from articulated.simulation.contact.candidates import Candidate
-from articulated.simulation.contact.ground import HeightField, Plane, Surface
+from articulated.simulation.contact.surfaces import HeightField, Solid
 from articulated.spatial import Vec3
 from articulated.spatial.rotation import quaternion_log
 
@@ -69,7 +69,7 @@ class Scene:
     """
 
     rig: Rig
-    surfaces: tuple[Surface, ...] = ()
+    surfaces: tuple[Solid, ...] = ()
     candidates: tuple[Candidate, ...] = ()
     material: tuple[int, ...] = ()
     materials: int = 0
@@ -86,7 +86,7 @@ class Scene:
     def content(self) -> bytes:
         """All that it is made of: scenes of equal content move alike."""
         # of height fields only where their points stand: the heights are given at run time
-        surfaces = [s if isinstance(s, Plane) else (s.heights.shape, s.spacing, s.origin) for s in self.surfaces]
+        surfaces = [(s.heights.shape, s.spacing, s.origin) if isinstance(s, HeightField) else s for s in self.surfaces]
         parts = surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
         limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
@@ -118,7 +118,7 @@ class Scene:
         """Of the n-th contact."""
         return n // len(self.surfaces)
 
-    def surface_of(self, n: int) -> Surface:
+    def surface_of(self, n: int) -> Solid:
         """Of the n-th contact."""
         return self.surfaces[n % len(self.surfaces)]
 

@@ -128,7 +128,7 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
     for n, contact in enumerate(terms.contacts):
         u, y, limit = Vec3.of(found.u.contacts[n]), Vec3.of(found.y.contacts[n]), found.limits[n]
         stretch = _stretch(contact, u, y, limit, h)
-        anchors.append(folded(scene.surface_of(n), stretch))
+        anchors.append(folded(scene.surface_of(n), contact.n, stretch))
     dry = [(joint, u) for joint, u in zip(terms.joints, found.u.joints, strict=True) if joint.dry is not None]
     speed = {s: u for joint, u in dry for s in joint.direction}
     longest = SLIP_SPEED * h / ANCHORING
