@@ -6,6 +6,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import articulated as art
+from articulated.simulation.implicit.newton import BOUNDED
+from articulated.simulation.implicit.problem import FASTEST_SAG
 from articulated.simulation.implicit.terms import NEAR_RIGID, SIGMA, SLIP_SPEED
 
 
@@ -23,13 +25,17 @@ class Dense:
         J = [art.jacobian(rig, q, p.link, p.position)[:3] for p in points]
         self.w = np.array([np.linalg.norm(np.diag(j @ Minv @ j.T)) / np.sqrt(3.0) for j in J])
 
+    def earlier(self, q, v):
+        """Configuration and velocities as the step before began; a free root's velocity stays the same in the world."""
+        q_old, v_old = art.integrate(self.rig, q, -self.before * v), v.copy()
+        R_old, R = (art.link_poses(self.rig, x)[0, :3, :3] for x in (q_old, q))
+        v_old[:3] = R_old.T @ R @ v[:3]
+        return q_old, v_old
+
     def momenta(self, q, v):
         """Σ Jᵀ (momentum of each link as it was before the last step, and what gravity adds)."""
         rig, h = self.rig, self.h
-        q_old = art.integrate(rig, q, -self.before * v)
-        v_old = v.copy()
-        R_old, R = (art.link_poses(rig, x)[0, :3, :3] for x in (q_old, q))
-        v_old[:3] = R_old.T @ R @ v[:3]  # a free root's velocity stays the same in the world
+        q_old, v_old = self.earlier(q, v)
         X_old, V_old = art.link_poses(rig, q_old), art.link_velocities(rig, q_old, v_old)
         total, bodies = rig.armature * v, {}
         for link in self.links:
@@ -54,6 +60,22 @@ class Dense:
             total = total + art.jacobian(rig, q, first.name, point).T @ np.concatenate([momentum, inertia @ ang])
         return total
 
+    def sag(self, q, v):
+        """How far each point strayed from a straight way in the step before, along z."""
+        q_old, v_old = self.earlier(q, v)
+        X_old, X, V_old = (
+            art.link_poses(self.rig, q_old),
+            art.link_poses(self.rig, q),
+            art.link_velocities(self.rig, q_old, v_old),
+        )
+        result = []
+        for point in self.points:
+            k, p = self.rig.links[point.link].index, np.array(point.position)
+            speed = V_old[k, :3] + np.cross(V_old[k, 3:], X_old[k, :3, :3] @ p)
+            now, old = (Y[k, :3, :3] @ p + Y[k, :3, 3] for Y in (X, X_old))
+            result.append((now - old - self.before * speed)[2])
+        return np.array(result)
+
     def build(self, q, v):
         rig, h = self.rig, self.h
         self.A = art.mass_matrix(rig, q) + np.diag(h * rig.damping)
@@ -66,7 +88,8 @@ class Dense:
         self.J = np.array([art.jacobian(rig, q, p.link, p.position)[:3] for p in self.points])
         self.phi = np.array([(X[rig.links[p.link].index] @ [*p.position, 1.0])[2] for p in self.points])
         mass = np.minimum(h * h * self.material.stiffness, NEAR_RIGID / self.w)
-        self.hinges = -self.phi * mass / h, mass, np.full(len(mass), self.material.dissipation)
+        sag, d = np.maximum(self.sag(q, v), -FASTEST_SAG * self.before), self.material.dissipation
+        self.hinges = -(self.phi + sag) * mass / h, mass, np.full(len(mass), d), 1.0 - d * sag / h
         self.room = None
         if self.stops is not None:
             at = {
@@ -89,14 +112,14 @@ class Dense:
                     gaps.append(joint.limits.upper - np.linalg.norm(turn))
                     felt.append(self.w_joint[joint.v_slice].mean())
             mass = np.minimum(h * h * self.stops.stiffness, NEAR_RIGID) / np.array(felt)
-            self.room = np.array(rows), (-np.array(gaps) * mass / h, mass, np.full(len(rows), self.stops.dissipation))
+            self.room = np.array(rows), (-np.array(gaps) * mass / h, mass, np.full(len(rows), self.stops.dissipation), 1.0)
         u = self.J @ v
         self.cone = self.material.friction * self.push(self.hinges, u[:, 2])[0]
 
     @staticmethod
     def push(hinge, u):
-        a, b, d = hinge
-        s, c = np.maximum(a - b * u, 0.0), np.maximum(1.0 - d * u, 0.0)
+        a, b, d, one = hinge
+        s, c = np.maximum(a - b * u, 0.0), np.maximum(one - d * u, 0.0)
         return s * c, b * c * (s > 0.0) + d * s * (c > 0.0)
 
     def terms(self, v, theta):
@@ -134,17 +157,18 @@ class Dense:
     def gradient(self, v):
         return self.A @ v - self.p + self.terms(v, 1.0)[0]
 
-    def solve(self, q, v):
-        """The velocity at the end of the step, by Newton's method with an exact line search, after one bounded sweep."""
+    def solve(self, q, v, sweeps=BOUNDED):
+        """The velocity at the end of the step, by Newton's method with an exact line search, after some bounded sweeps."""
         self.build(q, v)
-        g, H = self.terms(v, 0.0)
-        u, g_c, G_c = self.J @ v, self.g.copy(), self.G.copy()
-        new = np.linalg.solve(self.A + H, self.p - g + H @ v)
-        y = g_c + np.einsum("cij,cj->ci", G_c, self.J @ new - u)
-        a, b, _ = self.hinges
-        stopping = np.maximum(a / b - (self.J @ new)[:, 2], 0.0) / (1.0 / b + self.w)
-        self.cone = self.material.friction * np.where(y[:, 2] < 0.0, -y[:, 2], stopping)
-        v = new
+        for _ in range(min(sweeps, BOUNDED)):
+            g, H = self.terms(v, 0.0)
+            u, g_c, G_c = self.J @ v, self.g.copy(), self.G.copy()
+            v = np.linalg.solve(self.A + H, self.p - g + H @ v)
+            y = g_c + np.einsum("cij,cj->ci", G_c, self.J @ v - u)
+            a, b, *_ = self.hinges
+            un = (self.J @ v)[:, 2]
+            stopping = np.where(self.push(self.hinges, un)[0] > 0.0, (a / b - un) / (1.0 / b + self.w), 0.0)
+            self.cone = self.material.friction * np.where(y[:, 2] < 0.0, -y[:, 2], stopping)
         for _ in range(200):
             r = self.gradient(v)
             H = self.A + self.terms(v, 1.0)[1]

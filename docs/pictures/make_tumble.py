@@ -17,11 +17,11 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 
 BODY, FORCE, STONE = "#1f4e79", "#c0392b", "#9a9a9a"
-SHOWN = [0.0, 0.35, 0.6, 0.9, 1.3, 5.0]
+SHOWN = [0.0, 0.35, 0.65, 0.85, 5.0]
 """Moments that are drawn as figures [s]."""
 
 RISE, RUN, COUNT = 0.17, 0.29, 8
-NEWTONS = 4000.0
+NEWTONS = 1500.0
 """Of force, for an arrow of a metre."""
 
 

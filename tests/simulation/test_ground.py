@@ -67,11 +67,55 @@ class TestSurfaces:
         np.testing.assert_allclose(interpreted.q, compiled.q, atol=1e-12)
 
     def test_stairs(self, box):
-        stairs = art.HeightField.steps(0.15, 0.3, 4)
-        q = upright(box, 1.2, (3,))
-        q[:, 0] = [0.15, 0.45, 3.0]
-        run = art.Simulation(box, ground=art.Ground(stairs)).run(q, duration=1.5)
-        assert run.q[:, -1, 2] == pytest.approx([0.25, 0.40, 0.70], abs=1e-3)
+        """Boxes stand on steps, on the floor before them and on the landing, whichever way they lead."""
+        for heading in (0.0, 2.0):
+            up = np.array([math.cos(heading), math.sin(heading)])
+            stairs = art.Stairs(0.15, 0.3, 4, (1.0, 2.0, 0.5), heading)
+            q = upright(box, 1.7, (4,))
+            along = np.array([-1.0, 0.15, 0.45, 3.0])
+            q[:, :2] = np.array([1.0, 2.0]) + along[:, None] * up
+            q[:, 5:] = math.sin(0.5 * heading), math.cos(0.5 * heading)
+            run = art.Simulation(box, ground=art.Ground(stairs)).run(q, duration=1.5)
+            assert run.q[:, -1, 2] == pytest.approx([0.6, 0.75, 0.90, 1.20], abs=1e-3)
+            np.testing.assert_allclose(run.q[:, -1, :2], q[:, :2], atol=1e-4)
+
+    def test_distance_from_stairs(self, ball):
+        """The nearest of all steps, from anywhere outside, and which way that is."""
+        rng, (rise, run, count) = np.random.default_rng(0), (0.17, 0.29, 5)
+        x, z = rng.uniform(-1.0, 2.0, 4000), rng.uniform(0.0, 1.5, 4000)
+        out = z > rise * np.clip(np.floor(x / run) + 1.0, 0, count)
+        q = upright(ball, 0.0, (int(out.sum()),))
+        q[:, 0], q[:, 2] = x[out], z[out]
+        k = np.arange(count)
+        before, above = np.maximum(run * k - q[:, 0, None], 0.0), np.maximum(q[:, 2, None] - rise * (k + 1), 0.0)
+        distance = np.minimum(np.hypot(before, above).min(axis=1), q[:, 2])
+        simulation = art.Simulation(ball, ground=art.Ground(art.Stairs(rise, run, count)))
+        contacts = simulation.contacts(simulation.reset(q))
+        near = distance < min(rise, run)  # all that a ball of that radius could meet
+        np.testing.assert_allclose(contacts.gaps.min(axis=1)[near], distance[near] - 0.1, atol=1e-12)
+        assert near.sum() > 500
+        foot = contacts.points + contacts.gaps[..., None] * -contacts.normals  # on the steps
+        np.testing.assert_allclose(np.linalg.norm(foot - q[:, None, :3], axis=-1), contacts.gaps + 0.1, atol=1e-9)
+
+    def test_a_ragdoll_comes_to_rest_on_stairs(self):
+        rig = art.load("ragdoll", root="free")
+        stairs = art.Stairs(0.17, 0.29, 8, start=(2.32, 0.0, -1.36), heading=math.pi)
+        ground, drives = art.Ground(stairs, friction=0.6), art.PD(stiffness=15.0, damping=3.0)
+        q, v = upright(rig, 1.05, (16,)), np.zeros((16, rig.nv))
+        q[:, 0], v[:, 0] = -0.6, np.linspace(1.1, 2.1, 16)
+        run = art.Simulation(rig, ground=ground, actuation=drives).run(q, v, duration=6.0, control=rig.neutral())
+        assert np.abs(run.v[:, -30:]).max() < 0.01
+        assert (run.q[:, -1, 2] < 0.3).all()  # down some of them
+
+    def test_terrain_is_smooth(self, ball):
+        """Normals of a rough field do not jump, though its heights do."""
+        field = art.HeightField(np.random.default_rng(0).uniform(0.0, 0.05, (9, 9)), 0.25, (-1.0, -1.0, 0.0))
+        q = upright(ball, 0.3, (4001,))
+        q[:, 0] = np.linspace(-1.2, 1.2, 4001)
+        simulation = art.Simulation(ball, ground=art.Ground(field))
+        contacts = simulation.contacts(simulation.reset(q))
+        assert np.abs(np.diff(contacts.normals[:, 0], axis=0)).max() < 2e-3
+        assert np.abs(np.diff(contacts.gaps[:, 0])).max() < 5e-4
 
     def test_image(self, tmp_path, ball):
         from PIL import Image
@@ -141,7 +185,7 @@ class TestBadInput:
             (lambda: art.Ground(stiffness=0.0), r"stiffness is 0.0; expected a positive number of N/m, or None"),
             (lambda: art.Ground(dissipation=math.nan), r"dissipation is nan; expected a number of s/m, zero or more"),
             (lambda: art.Ground(velocity=(1.0, 2.0)), r"velocity is \(1.0, 2.0\); expected three numbers"),
-            (lambda: art.Ground("floor"), r"surfaces holds 'f'; expected planes and height fields"),
+            (lambda: art.Ground("floor"), r"surfaces holds 'f'; expected planes, height fields and stairs"),
             (lambda: art.Ground([]), r"surfaces is empty; expected at least one surface, or no ground at all"),
             (lambda: art.Ground(materials={"a": 0.5}), r"the material of link 'a' is 0.5; expected a Material"),
             (lambda: art.Plane((0, 0, 0)), r"normal of a plane is the zero vector; expected a direction, out of the ground"),
@@ -155,6 +199,9 @@ class TestBadInput:
                 r"heights has shape \(2,\); expected two axes, of two or more points each",
             ),
             (lambda: art.HeightField([[0, 0], [0, 0]], -1.0), r"spacing is -1.0; expected two positive numbers, along x and y"),
+            (lambda: art.Stairs(-0.1, 0.3, 4), r"rise is -0.1; expected a positive number \[m\]"),
+            (lambda: art.Stairs(0.1, math.inf, 4), r"run is inf; expected a positive number \[m\]"),
+            (lambda: art.Stairs(0.1, 0.3, 0), r"count is 0; expected a number of steps, 1 or more"),
             (lambda: art.Stops(restitution=2.0), r"restitution of stops is 2.0; expected a number from 0 to 1"),
         ],
     )

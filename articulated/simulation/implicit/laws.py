@@ -17,22 +17,24 @@ from articulated.scalar import Scalar, absolute, maximum, sqrt, where
 
 @dataclass(frozen=True, eq=False)
 class Hinge:
-    """Pushes and never pulls: n(u) = (a − b u)₊ (1 − d u)₊, a Hunt-Crossley spring where its end will be.
+    """Pushes and never pulls: n(u) = (a − b u)₊ (c − d u)₊, a Hunt-Crossley spring where its end will be.
 
-    With a gap φ, a stiffness k and a step h: a = −h k φ, b = h² k, and d the dissipation.
+    With a gap φ, a stiffness k and a step h: a = −h k φ, b = h² k, c = 1, and d the dissipation. Where the gap will open faster
+    than u, by σ, a = −h k (φ + h σ) and c = 1 − d σ.
     """
 
     a: Scalar
     b: Scalar
     d: Scalar
+    c: Scalar = 1.0
 
     def push(self, u: Scalar) -> Scalar:
         """n, the impulse along u."""
-        return maximum(self.a - self.b * u, 0.0) * maximum(1.0 - self.d * u, 0.0)
+        return maximum(self.a - self.b * u, 0.0) * maximum(self.c - self.d * u, 0.0)
 
     def push_and_slope(self, u: Scalar) -> tuple[Scalar, Scalar]:
         """n and −dn/du."""
-        spring, damper = self.a - self.b * u, 1.0 - self.d * u
+        spring, damper = self.a - self.b * u, self.c - self.d * u
         s, c = maximum(spring, 0.0), maximum(damper, 0.0)
         return s * c, where(spring > 0.0, self.b * c, 0.0) + where(damper > 0.0, self.d * s, 0.0)
 

@@ -8,6 +8,7 @@ turns fast and weighs little. To first order this is M v − h C(q, v) v.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from articulated.dynamics.configuration import integrate
 from articulated.dynamics.mechanism import WORLD
@@ -15,23 +16,54 @@ from articulated.dynamics.tree import Tree, about_center, force_at, in_world, tr
 from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.stance import Standing
-from articulated.spatial import Force, Vec3
+from articulated.spatial import Force, Motion, Vec3
 
 
-def momenta(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[Force]:
+@dataclass(frozen=True, eq=False)
+class Past:
+    """The step before.
+
+    Attributes:
+        tree: where it began.
+        V: velocities of the bodies there, as it found them.
+        W: those with which it moved them.
+        h: its length, 0 if there was none.
+    """
+
+    tree: Tree
+    V: list[Motion]
+    W: list[Motion]
+    h: Scalar
+
+    @staticmethod
+    def of(now: Tree, start: Standing) -> Past:
+        """The step that led to where a motion is."""
+        mechanism, v, w, h, shift = now.mechanism, start.v, start.v, start.stance.before, start.stance.shift
+        if shift:
+            w = [a + b for a, b in zip(v, shift, strict=True)]
+        before = tree(mechanism, integrate(mechanism, start.q, [-(h * x) for x in w]))
+        # a free root's velocity is the same in world axes a step ago
+        V = before.velocities(in_world(now, v))
+        return Past(before, V, before.velocities(in_world(now, w)) if shift else V, h)
+
+    def strayed(self, now: Tree, body: int, point: Vec3) -> Vec3:
+        """How far a point of a body, in its axes, has come besides what its velocity was: the sag of its arc."""
+        old = self.tree.X[body].transform_point(point)
+        straight = self.W[body].linear + self.W[body].angular.cross(old)
+        moved = now.X[body].transform_point(point) - old + (now.origin - self.tree.origin)
+        return moved - straight * self.h
+
+
+def momenta(now: Tree, past: Past, forces: Forces, h: Scalar) -> list[Force]:
     """F: of each body, about O: what it had a step ago, and what gravity and external wrenches give it in this one.
 
     Args:
         now: the tree at q.
-        start: where it is, and how it got there.
+        past: how it got there.
         forces: what acts.
         h: length of the step.
     """
-    mechanism, v = now.mechanism, start.v
-    brought = [a + b for a, b in zip(v, start.stance.shift, strict=True)] if start.stance.shift else v
-    before = tree(mechanism, integrate(mechanism, start.q, [-(start.stance.before * x) for x in brought]))
-    # a free root's velocity is the same in world axes a step ago
-    V = before.velocities(in_world(now, v))
+    mechanism, before, V = now.mechanism, past.tree, past.V
     fall = Vec3.of(forces.gravity) * h
     F: list[Force] = []
     for i, inertia in enumerate(mechanism.inertia):

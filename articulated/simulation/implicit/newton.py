@@ -1,7 +1,7 @@
 """The solver of a step: minimise ½ (v − v*)ᵀ A (v − v*) + Σ ℓ(u), u = J v, over the velocity v at the end of the step.
 
-Newton's method, whose linear system is one sweep of the articulated-body algorithm. The first sweep bounds the slope of
-friction (θ = 0: it cannot overshoot), and finds how hard contacts push, which is how hard they can rub; then that stays.
+Newton's method, whose linear system is one sweep of the articulated-body algorithm. The first sweeps bound the slope of
+friction (θ = 0: it cannot overshoot), and find how hard contacts push, which is how hard they can rub; then that stays.
 
 symbol   meaning                                                    unit
 u        velocity of each term                                      m/s
@@ -24,7 +24,7 @@ from articulated.simulation.implicit.terms import Bend, Contact, JointTerm
 from articulated.spatial import Motion, Vec3
 
 MAX_SWEEPS = 40
-BOUNDED = 1
+BOUNDED = 3
 """Sweeps that bound the slope of friction."""
 _SEARCHES = 6
 _DOWNHILL, _FLAT = 0.5, 0.01

@@ -7,10 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from articulated.scalar import Scalar, minimum
+from articulated.dynamics.tree import Tree
+from articulated.scalar import Scalar, maximum, minimum
 from articulated.simulation.contact.gaps import Gap, spread
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.laws import Cone, Drive, Hinge
+from articulated.simulation.implicit.momentum import Past
 from articulated.simulation.implicit.newton import Terms
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import NEAR_RIGID, SLIP_SPEED, Contact, JointTerm
@@ -19,9 +21,13 @@ from articulated.spatial import Vec3
 
 ANCHORING = 0.2
 """The part of an anchor's stretch that a step would undo."""
+FASTEST_SAG = 1.0
+"""What strays faster towards the ground is not made up for: after an impact it may not stray any more [m/s]."""
 
 
-def contacts(scene: Scene, gaps: Sequence[Gap], stance: Stance, numbers: Numbers, h: Scalar) -> list[Contact]:
+def contacts(
+    scene: Scene, now: Tree, past: Past, gaps: Sequence[Gap], stance: Stance, numbers: Numbers, h: Scalar
+) -> list[Contact]:
     """Of all gaps, open ones too: a step may close them."""
     result = []
     for n, (gap, anchor) in enumerate(zip(gaps, stance.anchors, strict=True)):
@@ -31,7 +37,7 @@ def contacts(scene: Scene, gaps: Sequence[Gap], stance: Stance, numbers: Numbers
                 body=scene.body_of(n),
                 r=gap.point,
                 n=gap.normal,
-                hinge=hinge(gap.size, material.stiffness, material.dissipation, w, h),
+                hinge=hinge(gap.size, material.stiffness, material.dissipation, w, h, arc_sag(scene, now, past, gap, n)),
                 anchor=spread(scene.surface_of(n), gap.normal, anchor) * (ANCHORING / h),
                 ground=Vec3.of(scene.velocity),
                 friction=material.friction,
@@ -41,10 +47,21 @@ def contacts(scene: Scene, gaps: Sequence[Gap], stance: Stance, numbers: Numbers
     return result
 
 
-def hinge(gap: Scalar, stiffness: Scalar, dissipation: Scalar, w: float, h: Scalar) -> Hinge:
-    """The law of a stop that is so far away, no harder than a step can follow where an impulse gives so much velocity."""
+def arc_sag(scene: Scene, now: Tree, past: Past, gap: Gap, n: int) -> Scalar:
+    """What a contact's way will stray from a straight one along the normal, if it does so as in the step before."""
+    candidate = scene.candidates[scene.candidate_of(n)]
+    body, X_BL = scene.mechanism.links[candidate.link]
+    strayed = past.strayed(now, body, X_BL.transform_point(Vec3.of(candidate.center)))
+    return maximum(gap.normal.dot(strayed), -(FASTEST_SAG * past.h))
+
+
+def hinge(gap: Scalar, stiffness: Scalar, dissipation: Scalar, w: float, h: Scalar, sag: Scalar = 0.0) -> Hinge:
+    """The law of a stop that is so far away, no harder than a step can follow where an impulse gives so much velocity.
+
+    `sag` is what the step will add to the gap besides h u.
+    """
     mass = minimum(h * h * stiffness, NEAR_RIGID / w)
-    return Hinge(-(gap * mass) / h, mass, dissipation)
+    return Hinge(-((gap + sag) * mass) / h, mass, dissipation, 1.0 - dissipation * (sag / h))
 
 
 def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:

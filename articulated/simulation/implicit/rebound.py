@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from articulated.scalar import Scalar, maximum, minimum, repeat, sqrt, where
+from articulated.scalar import Scalar, flatten, maximum, minimum, repeat, sqrt, where
 from articulated.simulation.implicit.laws import Hinge
 from articulated.simulation.implicit.newton import Iterate, Terms, Values, solved
 from articulated.simulation.implicit.sweep import Sweep
@@ -80,8 +80,8 @@ def rebounded(
             tau = minimum(maximum(gap / where(leaves, -(one.speed + 2.0 * one.lag) * h, 1.0), 0.0), 1.0)
             target = (1.0 - 2.0 * tau) * one.lag - e * (one.speed + (1.0 + 2.0 * tau) * one.lag)
             hard = RIGID / one.w
-            a, b, d = (where(leaves, x, y) for x, y in ((hard * target, hinge.a), (hard, hinge.b), (0.0, hinge.d)))
-            hinges.append(Hinge(a, b, d))
+            stiff = Hinge(hard * target, hard, 0.0)
+            hinges.append(Hinge(*(where(leaves, x, y) for x, y in zip(flatten(stiff), flatten(hinge), strict=True))))
             meets = minimum(meets, where(leaves, tau, _NEVER))
         is_first = at.k < 0.5
         meets = where(is_first, meets, at.meets)

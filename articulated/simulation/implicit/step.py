@@ -16,7 +16,7 @@ from articulated.dynamics.tree import ROOT, Tree, in_root, in_world, is_free, tr
 from articulated.scalar import Scalar, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import folded, gaps
 from articulated.simulation.forces import Forces, dot
-from articulated.simulation.implicit.momentum import along_coordinates, momenta
+from articulated.simulation.implicit.momentum import Past, along_coordinates, momenta
 from articulated.simulation.implicit.newton import Iterate, Terms, begin, solved
 from articulated.simulation.implicit.problem import ANCHORING, contacts, drives, joint_terms, linear_part, restitutions
 from articulated.simulation.implicit.rebound import rebounded
@@ -34,9 +34,11 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     scene, now = forces.scene, tree(forces.mechanism, start.q)
     v = in_world(now, start.v)
     p, mass = linear_part(start, v, forces, h)
-    carried = along_coordinates(now, momenta(now, start, forces, h))
+    past = Past.of(now, start)
+    carried = along_coordinates(now, momenta(now, past, forces, h))
     terms = Terms(
-        contacts(scene, gaps(scene, now, forces.tables), start.stance, forces.numbers, h), joint_terms(scene, start, forces, h)
+        contacts(scene, now, past, gaps(scene, now, forces.tables), start.stance, forces.numbers, h),
+        joint_terms(scene, start, forces, h),
     )
     bodies, coordinates = [c.body for c in terms.contacts], [s for j in terms.joints for s in j.direction]
     sweep = Sweep(now, [a + b for a, b in zip(p, carried, strict=True)], mass, bodies, coordinates)

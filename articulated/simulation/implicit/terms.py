@@ -88,9 +88,10 @@ class Contact:
         return V[self.body].linear + V[self.body].angular.cross(self.r) - self.ground
 
     def stopping(self, un: Scalar) -> Scalar:
-        """About the impulse that it takes to stop what comes with this velocity: for what did not push a step before."""
+        """About the impulse that it takes to stop what comes with this velocity: for what did not push a sweep before."""
         hinge = self.hinge
-        return maximum(hinge.a / hinge.b - un, 0.0) * (1.0 / (1.0 / hinge.b + self.w))
+        stopped = (hinge.a / hinge.b - un) * (1.0 / (1.0 / hinge.b + self.w))
+        return where(hinge.push(un) > 0.0, stopped, 0.0)
 
     def width(self, limit: Scalar) -> Scalar:
         """Of the friction cone."""
