@@ -62,7 +62,7 @@ class Check:
     Attributes:
         name, unit: what it is.
         value: the worst of all states and frames.
-        tolerance: what is allowed; infinite if nothing in this run enforces it.
+        tolerance: what is allowed; infinite if a run is not judged by it.
         remedy: what to do if it is more.
     """
 
@@ -110,7 +110,7 @@ class Report:
             text = f"  {count} state{'s' if count > 1 else ''} {outcome.label}"
             lines.append(text + (f": {outcome.remedy}" if outcome.remedy else ""))
         for check in self.checks:
-            limit = f"allowed {check.tolerance:.3g}" if np.isfinite(check.tolerance) else "not enforced"
+            limit = f"allowed {check.tolerance:.3g}" if np.isfinite(check.tolerance) else "not judged"
             verdict = "" if check.passed else f"  <- {check.remedy}"
             lines.append(f"  {check.name:<18} {check.value:10.3g} {check.unit:<9} {limit}{verdict}")
         return "\n".join(lines)
