@@ -161,6 +161,8 @@ def _check_numbers(joint: JointDescription) -> None:
             raise place.error(f"{name} is {value:g}", "give a finite number, zero or more")
     if math.isnan(limits.lower) or math.isnan(limits.upper) or limits.lower > limits.upper:
         raise place.error(f"lower limit {limits.lower:g} is not below upper limit {limits.upper:g}", "exchange or correct them")
+    if joint.kind == "ball" and limits.upper < 0.0:
+        raise place.error(f"upper limit of a ball joint is {limits.upper:g}", "give how far it may turn, zero or more")
     for name in ("effort", "velocity", "acceleration", "deceleration", "jerk"):
         value = getattr(limits, name)
         if math.isnan(value) or value < 0.0:

@@ -223,6 +223,7 @@ class TestBuilderErrors:
             ({"pose": np.diag([1, 1, -1, 1])}, "pose is not a rotation and a translation"),
             ({"damping": None}, "damping is None"),
             ({"limits": art.Limits(1.0, 0.0)}, "lower limit 1 is not below upper limit 0"),
+            ({"kind": "ball", "limits": art.Limits(-3.0, -1.0)}, "upper limit of a ball joint is -1"),
         ],
     )
     def test_joint(self, arguments, message):
