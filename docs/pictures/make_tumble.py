@@ -42,7 +42,7 @@ def main(target: str) -> None:
 
 
 def draw_figures(ax, run: art.Trajectory) -> None:
-    """Capsules and spheres at some moments, from the side, each a little lighter than the one after it."""
+    """Boxes and capsules at some moments, from the side, each a little lighter than the one after it."""
     edges = [(-1.6, 0.0), (0.0, 0.0)]
     for k in range(1, COUNT + 1):
         edges += [((k - 1) * RUN, -k * RISE), (k * RUN, -k * RISE)]
