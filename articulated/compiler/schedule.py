@@ -1,7 +1,8 @@
 """From a graph to an order of work: dead code out, multiply-adds fused, the rest in chunks that hand values on through slots.
 
-A chunk becomes one function of machine code, small enough for a compiler whose effort grows faster than its input. What one chunk computes and another needs has a slot in a scratch buffer; a slot is used again once its
-value has been used for the last time.
+A chunk becomes one function of machine code, small enough for a compiler whose effort grows faster than its input. What one
+chunk computes and another needs has a slot in a scratch buffer; a slot is used again once its value has been used for the last
+time. What comes when is for `order` to say.
 """
 
 from __future__ import annotations
