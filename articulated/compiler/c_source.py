@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 
+from articulated.compiler.branches import runs
 from articulated.compiler.graph import MASKS
 from articulated.compiler.ir import Format
 from articulated.compiler.program import Program, Tape
@@ -110,19 +111,48 @@ class _Printer:
 
     def chunk(self, chunk: Chunk) -> str:
         """The statements of a chunk."""
-        lines, here = [], set(chunk.nodes)
-        for i in chunk.nodes:
-            node = self.plan.nodes[i]
-            kind = "int" if node[0] in MASKS else self.real
-            lines.append(f"    const {kind} x{i} = {self._operation(node, here)};\n")
-            if i in self.plan.slots:
-                lines.append(f"    s[{self.plan.slots[i]}] = {f'({self.real})x{i}' if kind == 'int' else f'x{i}'};\n")
-            if i in chunk.kept:
-                carried, unless = chunk.kept[i]
-                place = f"s[{self.plan.slot(carried)}]"
-                stays = "" if unless is None else f"{self.value(unless, here)} ? {place} : "
-                lines.append(f"    {place} = {stays}x{i};\n")
-        return "".join(lines)
+        lines, here = [], set()
+        for mask, some in runs(self.plan.nodes, self.plan.guards, chunk.nodes):
+            if mask is None:
+                here.update(some)
+                for i in some:
+                    lines += [self._defined(i, here), *self._stored(i), *self._kept(i, chunk, here)]
+                continue
+            yields = [i for i in some if i not in self.plan.guards]
+            here.update(yields)
+            lines += (f"{self.real} x{i} = {self.value(self.plan.nodes[i][-1], here)};" for i in yields)
+            lines += [f"if ({self.value(mask, here)}) {{", *self._behind(some, here | set(some)), "}"]
+            for i in yields:
+                lines += [*self._stored(i), *self._kept(i, chunk, here)]
+        return "".join(f"    {line}\n" for line in lines)
+
+    def _behind(self, some: Sequence[int], here: set[int]) -> list[str]:
+        """The statements of a branch."""
+        lines = []
+        for i in some:
+            if i in self.plan.guards:
+                lines += [self._defined(i, here), *self._stored(i)]
+            else:
+                lines.append(f"x{i} = {self.value(self.plan.nodes[i][-2], here)};")
+        return [f"    {line}" for line in lines]
+
+    def _defined(self, i: int, here: set[int]) -> str:
+        node = self.plan.nodes[i]
+        return f"const {'int' if node[0] in MASKS else self.real} x{i} = {self._operation(node, here)};"
+
+    def _stored(self, i: int) -> list[str]:
+        """A node into its slot, if it has one."""
+        x = f"({self.real})x{i}" if self.plan.nodes[i][0] in MASKS else f"x{i}"
+        return [f"s[{self.plan.slots[i]}] = {x};"] if i in self.plan.slots else []
+
+    def _kept(self, i: int, chunk: Chunk, here: set[int]) -> list[str]:
+        """A node in the place of a carried one, if it is to go there."""
+        if i not in chunk.kept:
+            return []
+        carried, unless = chunk.kept[i]
+        place = f"s[{self.plan.slot(carried)}]"
+        stays = "" if unless is None else f"{self.value(unless, here)} ? {place} : "
+        return [f"{place} = {stays}x{i};"]
 
     def value(self, i: int, here: set[int]) -> str:
         """A node's value, where these nodes are at hand."""

@@ -13,6 +13,7 @@ add sub mul div   a + b, a − b, a b, a / b                         power2 a   
 neg abs sqrt same −a, |a|, √a, a                                     exponent, fraction   of a = fraction 2^exponent, ½√2 … √2
 fma a b c         a b + c, rounded once (chosen by the schedule)   carried, after l k   what loop l carries: in it, after it
 loop l            where loop l stands                              lookup t a           entry a of table t
+given n m a b     as select m a b, of branch n: see branches
 """
 
 from __future__ import annotations
@@ -73,7 +74,7 @@ class Loop:
 def operands(node: Node) -> Node:
     """The nodes that a node is computed from."""
     op = node[0]
-    return () if op in LEAVES else node[2:] if op in ("bit", "lookup") else node[1:]
+    return () if op in LEAVES else node[2:] if op in ("bit", "lookup", "given") else node[1:]
 
 
 class Graph:
@@ -93,6 +94,7 @@ class Graph:
         self.region: list[int] = []
         self.loops: list[Loop] = []
         self.open = 0
+        self._branches = 0
         self._known: dict[Node, int] = {}
 
     def node(self, *node: Any) -> int:
@@ -239,6 +241,11 @@ class Graph:
     def select(self, mask: int, a: int, b: int) -> int:
         return a if a == b else self.node("select", mask, a, b)
 
+    def given(self, mask: int, some: Sequence[int], others: Sequence[int]) -> list[int]:
+        """As `select`, for one branch."""
+        self._branches += 1
+        return [a if a == b else self.node("given", self._branches, mask, a, b) for a, b in zip(some, others, strict=True)]
+
 
 def _binary(name: str):
     def forward(self: Traced, other: Any) -> Scalar:
@@ -311,6 +318,11 @@ class Traced:
     def where(self, a: Scalar, b: Scalar) -> Scalar:
         """`a` where this mask holds, else `b`."""
         return self.graph.scalar(self.graph.select(self.index, self.index_of(a), self.index_of(b)))
+
+    def given(self, value: Callable[[], Nested], otherwise: Nested) -> Nested:
+        """See `scalar.given`."""
+        some, others = ([self.index_of(x) for x in flatten(part)] for part in (value(), otherwise))
+        return rebuilt(otherwise, iter([self.graph.scalar(i) for i in self.graph.given(self.index, some, others)]))
 
     def repeat(
         self,

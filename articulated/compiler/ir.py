@@ -137,12 +137,16 @@ class Text:
         numbers = f"<{len(picks)} x i32> <{', '.join(f'i32 {k}' for k in picks)}>"
         return self.let(f"shufflevector {kind} {a}, {kind} {b}, {numbers}")
 
+    def some(self, mask: str) -> str:
+        """Whether a mask holds for some lane."""
+        lanes = self.f.lanes
+        if lanes == 1:
+            return mask
+        return self.let(f"icmp ne i{lanes} {self.let(f'bitcast <{lanes} x i1> {mask} to i{lanes}')}, 0")
+
     def any(self, mask: str) -> str:
         """1 if a mask holds for some lane, else 0."""
-        lanes = self.f.lanes
-        if lanes > 1:
-            mask = self.let(f"icmp ne i{lanes} {self.let(f'bitcast <{lanes} x i1> {mask} to i{lanes}')}, 0")
-        return self.let(f"zext i1 {mask} to i64")
+        return self.let(f"zext i1 {self.some(mask)} to i64")
 
     def label(self) -> str:
         self.names += 1

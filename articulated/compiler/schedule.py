@@ -11,6 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
+from articulated.compiler.branches import awaited, guards, runs
 from articulated.compiler.graph import LEAVES, MASKS, Graph, Loop, Node, operands
 from articulated.compiler.order import ordered
 
@@ -82,6 +83,7 @@ class Schedule:
         nodes: as in the graph, with multiply-adds fused.
         items: the order of work.
         loops: of the graph.
+        guards: masks of the nodes behind branches.
         slots: where in scratch a node is kept that is used outside the chunk that computes it.
         size: number of slots.
     """
@@ -89,6 +91,7 @@ class Schedule:
     nodes: list[Node]
     items: list[Item]
     loops: list[Loop]
+    guards: dict[int, int]
     slots: dict[int, int]
     size: int
 
@@ -122,14 +125,15 @@ def schedule(
     roots = [*outputs, [check] if check is not None else []]
     nodes = _fused(graph, _live(graph.nodes, graph.loops, roots))
     live = _live(nodes, graph.loops, roots)
-    by_region = ordered(graph, nodes, live)
+    behind = guards(graph, nodes, live, [i for row in roots for i in row])
+    by_region = ordered(graph, nodes, live, behind)
     written = {loop.region: loop.records for loop in graph.loops}
     written[0] = [(output, k, node) for output, row in enumerate(outputs) for k, node in enumerate(row)]
-    items = _Walk(graph, nodes, by_region, written, group, watched, chunk).region(0)
+    items = _Walk(graph, nodes, behind, by_region, written, group, watched, chunk).region(0)
     if check is not None:
         items.append(Check(check))
-    slots, size = _slots(nodes, graph.loops, items)
-    return Schedule(nodes, items, graph.loops, slots, size)
+    slots, size = _slots(nodes, graph.loops, behind, items)
+    return Schedule(nodes, items, graph.loops, behind, slots, size)
 
 
 def flattened(items: Sequence[Item]) -> Iterator[Item]:
@@ -187,13 +191,15 @@ class _Walk:
         self,
         graph: Graph,
         nodes: list[Node],
+        guards: dict[int, int],
         by_region: dict[int, list[int]],
         written: dict[int, list[tuple[int, int, int]]],
         group: int,
         watched: Iterable[int],
         chunk: int,
     ):
-        self.graph, self.nodes, self.by_region, self.written = graph, nodes, by_region, written
+        self.graph, self.nodes, self.guards = graph, nodes, guards
+        self.by_region, self.written = by_region, written
         self.group, self.watched, self.chunk = group, watched, chunk
 
     def region(self, region: int) -> list[Item]:
@@ -217,18 +223,24 @@ class _Walk:
             items.extend(ready.values())
 
         close(-1)
-        for i in self.by_region[region]:
-            op = self.nodes[i][0]
-            if op == "loop":
-                close(place[i])
-                items += self._loop(self.graph.loops[self.nodes[i][1] - 1])
-            if op in LEAVES:
+        for behind, some in runs(self.nodes, self.guards, self.by_region[region]):
+            if behind is not None:
+                if len(chunk.nodes) + len(some) > self.chunk:  # a branch is in one chunk
+                    close(place[some[0]] - 1)
+                chunk.nodes += some
                 continue
-            chunk.nodes.append(i)
-            if i == until or len(chunk.nodes) == self.chunk:
-                close(place[i])
-            if i == until:
-                items.append(Exit(i))
+            for i in some:
+                op = self.nodes[i][0]
+                if op == "loop":
+                    close(place[i])
+                    items += self._loop(self.graph.loops[self.nodes[i][1] - 1])
+                if op in LEAVES:
+                    continue
+                chunk.nodes.append(i)
+                if i == until or len(chunk.nodes) >= self.chunk:
+                    close(place[i])
+                if i == until:
+                    items.append(Exit(i))
         close(len(place))
         return items
 
@@ -314,8 +326,10 @@ def _reads_of(nodes: Sequence[Node], loops: Sequence[Loop], item: Item) -> Itera
         yield from ((0, resolved(i, nodes, loops)) for _, i in item.scalars)
 
 
-def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) -> tuple[dict[int, int], int]:
-    """A slot for each node that is used outside the chunk that computes it."""
+def _slots(
+    nodes: Sequence[Node], loops: Sequence[Loop], guards: dict[int, int], items: Sequence[Item]
+) -> tuple[dict[int, int], int]:
+    """A slot for each node that is used outside the chunk that computes it, or the branch."""
     defined: dict[int, int] = {}
     last: dict[int, int] = {}
     position = 0
@@ -336,9 +350,8 @@ def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) 
                 visit(item.items, [*around, (position, position + _length(item.items))])
             elif isinstance(item, Chunk):
                 defined.update((i, position) for i in item.nodes)
-                for a in {a for i in item.nodes for a in operands(nodes[i])}:
-                    if nodes[a][0] == "const" or defined[resolved(a, nodes, loops)] != position:
-                        use(a, around)
+                for a in _from_slots(nodes, guards, item):
+                    use(a, around)
                 for source, target in item.copies:
                     defined.setdefault(target, position)
                     use(source, around)
@@ -359,6 +372,16 @@ def _slots(nodes: Sequence[Node], loops: Sequence[Loop], items: Sequence[Item]) 
 
     visit(items, [])
     return _assigned(defined, last)
+
+
+def _from_slots(nodes: Sequence[Node], guards: dict[int, int], chunk: Chunk) -> set[int]:
+    """The nodes that a chunk takes from their slots: from outside, or out of another branch."""
+    result, at_hand = set(), set()
+    for _, some in runs(nodes, guards, chunk.nodes):
+        at_hand.update(some)
+        result |= {a for i in some for a in awaited(nodes, guards, i)} - at_hand
+        at_hand -= guards.keys()
+    return result
 
 
 def _assigned(defined: dict[int, int], last: dict[int, int]) -> tuple[dict[int, int], int]:

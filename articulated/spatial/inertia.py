@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from articulated.scalar import Scalar
 from articulated.spatial.matrix import Mat3, Sym3
 from articulated.spatial.motion import Force, Motion, UnitMotion
@@ -45,6 +47,17 @@ class ArticulatedInertia:
     @staticmethod
     def zero() -> ArticulatedInertia:
         return ArticulatedInertia(Sym3.zero(), Mat3.zero(), Sym3.zero())
+
+    @staticmethod
+    def of(scalars: Sequence[Scalar]) -> ArticulatedInertia:
+        """From its scalars, in order."""
+        return ArticulatedInertia(Sym3(*scalars[:6]), Mat3.of([scalars[k : k + 3] for k in (6, 9, 12)]), Sym3(*scalars[15:]))
+
+    def __iter__(self) -> Iterator[Scalar]:
+        yield from self.J
+        for row in self.H.rows:
+            yield from row
+        yield from self.M
 
     def __add__(self, other: ArticulatedInertia) -> ArticulatedInertia:
         return ArticulatedInertia(self.J + other.J, self.H + other.H, self.M + other.M)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 from articulated.scalar import Scalar
 from articulated.spatial.vector import Vec3
 
@@ -17,6 +19,15 @@ class Force:
     @staticmethod
     def zero() -> Force:
         return Force(Vec3.zero(), Vec3.zero())
+
+    @staticmethod
+    def of(scalars: Sequence[Scalar]) -> Force:
+        """From its scalars, in order."""
+        return Force(Vec3.of(scalars[:3]), Vec3.of(scalars[3:]))
+
+    def __iter__(self) -> Iterator[Scalar]:
+        yield from self.angular
+        yield from self.linear
 
     def __add__(self, f: Force) -> Force:
         return Force(self.angular + f.angular, self.linear + f.linear)

@@ -6,6 +6,7 @@ The linear part has in A, besides the mass matrix, what damping and unlimited dr
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, maximum, minimum
@@ -13,37 +14,39 @@ from articulated.simulation.contact.gaps import Gap, spread
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.laws import Cone, Drive, Hinge
 from articulated.simulation.implicit.momentum import Past
-from articulated.simulation.implicit.newton import Terms
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import NEAR_RIGID, SLIP_SPEED, Contact, JointTerm
+from articulated.simulation.implicit.values import Terms
 from articulated.simulation.scene import Numbers, Scene
-from articulated.spatial import Vec3
+from articulated.spatial import Motion, Vec3
 
 ANCHORING = 0.2
 """The part of an anchor's stretch that a step would undo."""
+REACH = 10.0
+"""A point that would have to come so much faster than it does, to touch in this step, is left out of it [m/s]."""
 FASTEST_SAG = 1.0
 """What strays faster towards the ground is not made up for: after an impact it may not stray any more [m/s]."""
 
 
 def contacts(
-    scene: Scene, now: Tree, past: Past, gaps: Sequence[Gap], stance: Stance, numbers: Numbers, h: Scalar
+    scene: Scene, now: Tree, past: Past, V: Sequence[Motion], gaps: Sequence[Gap], stance: Stance, numbers: Numbers, h: Scalar
 ) -> list[Contact]:
-    """Of all gaps, open ones too: a step may close them."""
+    """Of all gaps, open ones too: a step may close them. V are the velocities that bodies have."""
     result = []
     for n, (gap, anchor) in enumerate(zip(gaps, stance.anchors, strict=True)):
         material, w = numbers.materials[scene.material[scene.candidate_of(n)]], scene.felt(n)
-        result.append(
-            Contact(
-                body=scene.body_of(n),
-                r=gap.point,
-                n=gap.normal,
-                hinge=hinge(gap.size, material.stiffness, material.dissipation, w, h, arc_sag(scene, now, past, gap, n)),
-                anchor=spread(scene.surface_of(n), gap.normal, anchor) * (ANCHORING / h),
-                ground=Vec3.of(scene.velocity),
-                friction=material.friction,
-                w=w,
-            )
+        contact = Contact(
+            body=scene.body_of(n),
+            r=gap.point,
+            n=gap.normal,
+            hinge=hinge(gap.size, material.stiffness, material.dissipation, w, h, arc_sag(scene, now, past, gap, n)),
+            anchor=spread(scene.surface_of(n), gap.normal, anchor) * (ANCHORING / h),
+            ground=Vec3.of(scene.velocity),
+            friction=material.friction,
+            w=w,
+            near=True,
         )
+        result.append(replace(contact, near=gap.size + h * (gap.normal.dot(contact.velocity(V)) - REACH) < 0.0))
     return result
 
 

@@ -17,8 +17,9 @@ from dataclasses import dataclass, replace
 
 from articulated.scalar import Scalar, flatten, maximum, minimum, repeat, sqrt, where
 from articulated.simulation.implicit.laws import Hinge
-from articulated.simulation.implicit.newton import Iterate, Terms, Values, solved
+from articulated.simulation.implicit.newton import Iterate, solved
 from articulated.simulation.implicit.sweep import Sweep
+from articulated.simulation.implicit.values import Terms, Values
 from articulated.spatial import Vec3
 
 RIGID = 1e4

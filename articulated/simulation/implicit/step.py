@@ -17,12 +17,13 @@ from articulated.scalar import Scalar, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import folded, gaps
 from articulated.simulation.forces import Forces, dot
 from articulated.simulation.implicit.momentum import Past, along_coordinates, momenta
-from articulated.simulation.implicit.newton import Iterate, Terms, begin, solved
+from articulated.simulation.implicit.newton import Iterate, begin, solved
 from articulated.simulation.implicit.problem import ANCHORING, contacts, drives, joint_terms, linear_part, restitutions
 from articulated.simulation.implicit.rebound import rebounded
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.sweep import Sweep
 from articulated.simulation.implicit.terms import SLIP_SPEED, Contact
+from articulated.simulation.implicit.values import Terms
 from articulated.spatial import Mat3, Vec3
 from articulated.spatial.rotation import rotation_of_quaternion
 
@@ -37,7 +38,7 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     past = Past.of(now, start)
     carried = along_coordinates(now, momenta(now, past, forces, h))
     terms = Terms(
-        contacts(scene, now, past, gaps(scene, now, forces.tables), start.stance, forces.numbers, h),
+        contacts(scene, now, past, now.velocities(v), gaps(scene, now, forces.tables), start.stance, forces.numbers, h),
         joint_terms(scene, start, forces, h),
     )
     bodies, coordinates = [c.body for c in terms.contacts], [s for j in terms.joints for s in j.direction]

@@ -13,28 +13,24 @@ from articulated.dynamics.elimination import Elimination, Row, merged
 from articulated.dynamics.kinematics import combination
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree
-from articulated.scalar import Scalar, unfolded
+from articulated.scalar import Scalar, given, unfolded
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
 
 
 @dataclass(eq=False)
 class Load:
-    """What terms add: to the inertia and bias of bodies, to momenta and masses of coordinates, and between those of a joint."""
+    """With what terms add: inertia and bias of bodies; to momenta and masses of coordinates, and between those of a joint."""
 
-    inertia: dict[int, ArticulatedInertia]
-    bias: dict[int, Force]
+    IA: list[ArticulatedInertia]
+    pA: list[Force]
     p: dict[int, Scalar]
     mass: dict[int, Scalar]
     between: dict[tuple[int, int], Scalar]
 
-    @staticmethod
-    def none() -> Load:
-        return Load({}, {}, {}, {}, {})
-
-    def on_body(self, i: int, inertia: ArticulatedInertia, bias: Force) -> None:
-        known = i in self.inertia
-        self.inertia[i] = self.inertia[i] + inertia if known else inertia
-        self.bias[i] = self.bias[i] + bias if known else bias
+    def on_body(self, i: int, acts: Scalar, inertia: ArticulatedInertia, bias: Force) -> None:
+        """Add something that is nothing unless the mask `acts` holds."""
+        new = given(acts, lambda: [*self.IA[i] + inertia, *self.pA[i] + bias], [*self.IA[i], *self.pA[i]])
+        self.IA[i], self.pA[i] = ArticulatedInertia.of(new[:21]), Force.of(new[21:])
 
     def on_joint(self, direction: dict[int, Scalar], mass: Scalar, p: Scalar) -> None:
         for s, x in direction.items():
@@ -63,16 +59,17 @@ class Sweep:
         self.active = {k for i in acted for k in (WORLD, *m.support(i))}
         self.moving = sorted(s for i in self.active for s in m.closes[i])
         self._quiet = _Folded.begin(tree, p)
-        self._fold(self._quiet, (i for i in reversed(range(m.nbodies)) if i not in self.active), Load.none())
+        self._fold(self._quiet, (i for i in reversed(range(m.nbodies)) if i not in self.active), self.unloaded())
         if not self.active:
             self._close_world(self._quiet)
 
+    def unloaded(self) -> Load:
+        """Without any term."""
+        return Load(list(self._quiet.IA), list(self._quiet.pA), {}, {}, {})
+
     def solve(self, load: Load) -> tuple[list[Scalar], list[Motion]]:
         """The velocities of the coordinates that move with the load, and of the bodies that do; 0 for the others."""
-        folded = self._quiet.copy()
-        for i, inertia in load.inertia.items():
-            folded.IA[i] = folded.IA[i] + inertia
-            folded.pA[i] = folded.pA[i] + load.bias[i]
+        folded = self._quiet.copy(load)
         self._fold(folded, sorted(self.active - {WORLD}, reverse=True), load)
         self._close_world(folded)
         v: list[Scalar] = [0.0] * self.mechanism.nv
@@ -148,9 +145,10 @@ class _Folded:
         IA = [loadable(tree.inertia(i).articulated()) for i in range(n)]
         return _Folded(IA, [Force(nothing, nothing)] * n, {i: [] for i in range(WORLD, n)}, {})
 
-    def copy(self) -> _Folded:
+    def copy(self, load: Load) -> _Folded:
+        """Another, with a load."""
         open_ = {
             i: [{s: Row(row.U, dict(row.D), row.u) for s, row in rows.items()} for rows in parts]
             for i, parts in self.open.items()
         }
-        return _Folded(list(self.IA), list(self.pA), open_, dict(self.eliminations))
+        return _Folded(list(load.IA), list(load.pA), open_, dict(self.eliminations))

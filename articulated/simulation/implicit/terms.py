@@ -72,6 +72,7 @@ class Contact:
         ground: the ground's own velocity there.
         friction: coefficient.
         w: how much velocity an impulse gives the point, about [1/kg].
+        near: mask: whether it can touch in this step. If not it answers nothing, and its other numbers are not defined.
     """
 
     body: int
@@ -82,6 +83,7 @@ class Contact:
     ground: Vec3
     friction: Scalar
     w: float
+    near: Scalar
 
     def velocity(self, V: Sequence[Motion]) -> Vec3:
         """u, relative to the ground."""
