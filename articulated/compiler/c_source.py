@@ -11,7 +11,7 @@ import math
 import re
 from collections.abc import Sequence
 
-from articulated.compiler.branches import runs
+from articulated.compiler.branches import Branch, branched
 from articulated.compiler.graph import MASKS
 from articulated.compiler.ir import Format
 from articulated.compiler.program import Program, Tape
@@ -111,30 +111,32 @@ class _Printer:
 
     def chunk(self, chunk: Chunk) -> str:
         """The statements of a chunk."""
-        lines, here = [], set()
-        for mask, some in runs(self.plan.nodes, self.plan.guards, chunk.nodes):
-            if mask is None:
-                here.update(some)
-                for i in some:
-                    lines += [self._defined(i, here), *self._stored(i), *self._kept(i, chunk, here)]
-                continue
-            yields = [i for i in some if i not in self.plan.guards]
-            here.update(yields)
-            lines += (f"{self.real} x{i} = {self.value(self.plan.nodes[i][-1], here)};" for i in yields)
-            lines += [f"if ({self.value(mask, here)}) {{", *self._behind(some, here | set(some)), "}"]
-            for i in yields:
-                lines += [*self._stored(i), *self._kept(i, chunk, here)]
+        lines: list[str] = []
+        here: set[int] = set()
+        for part in branched(self.plan.nodes, self.plan.guards, chunk.nodes):
+            lines += self._computed(part, here)
+            for i in [part] if isinstance(part, int) else part.yields:
+                lines += self._kept(i, chunk, here)
         return "".join(f"    {line}\n" for line in lines)
 
-    def _behind(self, some: Sequence[int], here: set[int]) -> list[str]:
-        """The statements of a branch."""
+    def _computed(self, part: int | Branch, here: set[int]) -> list[str]:
+        """The statements of a node, or of a branch; what is known then is `here`."""
+        if isinstance(part, int):
+            lines = [self._defined(part, here), *self._stored(part)]
+            here.add(part)
+            return lines
         lines = []
-        for i in some:
-            if i in self.plan.guards:
-                lines += [self._defined(i, here), *self._stored(i)]
+        for i in part.yields:
+            lines.append(f"{self.real} x{i} = {self.value(self.plan.nodes[i][-1], here)};")
+            here.add(i)
+        lines.append(f"if ({self.value(part.mask, here)}) {{")
+        inside = set(here)
+        for some in part.parts:
+            if isinstance(some, int) and some in part.yields:
+                lines.append(f"    x{some} = {self.value(self.plan.nodes[some][-2], inside)};")
             else:
-                lines.append(f"x{i} = {self.value(self.plan.nodes[i][-2], here)};")
-        return [f"    {line}" for line in lines]
+                lines += (f"    {line}" for line in self._computed(some, inside))
+        return [*lines, "}", *(line for i in part.yields for line in self._stored(i))]
 
     def _defined(self, i: int, here: set[int]) -> str:
         node = self.plan.nodes[i]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from articulated.compiler.branches import runs
+from articulated.compiler.branches import Branch, branched
 from articulated.compiler.graph import MASKS
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.schedule import Chunk, Schedule
@@ -19,12 +19,8 @@ _INTRINSIC = {"abs": "fabs", "sqrt": "sqrt"}
 def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, address: Callable[[int], int]) -> str:
     """The function `void name(scratch)` of a chunk; `address` tells where in scratch the address of a table is."""
     operations = _Operations(schedule, f, address)
-    for mask, some in runs(schedule.nodes, schedule.guards, chunk.nodes):
-        if mask is not None:
-            operations.branch(mask, some)
-        for i in some:
-            if mask is None:
-                operations.compute(i)
+    for part in branched(schedule.nodes, schedule.guards, chunk.nodes):
+        for i in operations.computed(part):
             if i in chunk.kept:
                 operations.replace(i, *chunk.kept[i])
     _copy(chunk, operations)
@@ -59,38 +55,37 @@ class _Operations:
         self.schedule, self.f, self.text, self.address = schedule, f, Text(f), address
         self.values: dict[int, str] = {}
 
-    def branch(self, mask: int, some: Sequence[int]) -> None:
-        """Compute what is behind a mask, where it holds for some state."""
+    def computed(self, part: int | Branch) -> Sequence[int]:
+        """Compute a node, or what is behind a mask where that holds for some state; the nodes that are known then."""
+        if isinstance(part, int):
+            self.values[part] = self._operation(*self.schedule.nodes[part])
+            self.keep(part)
+            return (part,)
         text, nodes, outside = self.text, self.schedule.nodes, self.values
-        yields = [i for i in some if nodes[i][0] == "given"]
         then, otherwise, end = (text.label() for _ in range(3))
-        text.branch(text.some(self.value(mask)), then, otherwise)
+        text.branch(text.some(self.value(part.mask)), then, otherwise)
         text.begin(then)
         self.values = dict(outside)
-        for i in some:
-            if i in self.schedule.guards:
-                self.compute(i)
+        for inside in part.parts:
+            if isinstance(inside, int) and inside in part.yields:
+                self.values[inside] = self._operation("select", *nodes[inside][2:])
             else:
-                self.values[i] = self._operation("select", *nodes[i][2:])
-        computed = [self.values[i] for i in yields]
+                self.computed(inside)
+        given, then = [self.values[i] for i in part.yields], text.block
         text.go(end)
         text.begin(otherwise)
         self.values = dict(outside)
-        for i in yields:
+        for i in part.yields:
             self.values[i] = self.value(nodes[i][-1])
-        left = [self.values[i] for i in yields]
+        left = [self.values[i] for i in part.yields]
         text.go(end)
         text.begin(end)
         self.values = outside
-        for i, a, b in zip(yields, computed, left, strict=True):
+        for i, a, b in zip(part.yields, given, left, strict=True):
             outside[i] = text.let(f"phi {text.V} [ {a}, %{then} ], [ {b}, %{otherwise} ]")
-        for i in yields:
+        for i in part.yields:
             self.keep(i)
-
-    def compute(self, i: int) -> None:
-        """Compute a node, and keep it if others will ask for it."""
-        self.values[i] = self._operation(*self.schedule.nodes[i])
-        self.keep(i)
+        return part.yields
 
     def keep(self, i: int) -> None:
         """Put a node into its slot, if it has one."""

@@ -11,11 +11,11 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from articulated.compiler.branches import awaited
+from articulated.compiler.branches import Masks, awaited, place
 from articulated.compiler.graph import Graph, Loop, Node
 
 
-def ordered(graph: Graph, nodes: Sequence[Node], live: Iterable[int], guards: Mapping[int, int]) -> dict[int, list[int]]:
+def ordered(graph: Graph, nodes: Sequence[Node], live: Iterable[int], guards: Mapping[int, Masks]) -> dict[int, list[int]]:
     """The live nodes of each region in the order in which to compute them.
 
     Args:
@@ -32,7 +32,7 @@ def ordered(graph: Graph, nodes: Sequence[Node], live: Iterable[int], guards: Ma
     def needs(i: int) -> Iterable[int]:
         op, *parts = nodes[i]
         if op == "loop":
-            return sorted(entering[parts[0]])
+            return entering[parts[0]]
         return [graph.loops[parts[0] - 1].end] if op == "after" else awaited(nodes, guards, i)
 
     result: dict[int, list[int]] = defaultdict(list)
@@ -42,7 +42,7 @@ def ordered(graph: Graph, nodes: Sequence[Node], live: Iterable[int], guards: Ma
         if region in late:
             loop = late[region]
             first = [*([] if loop.until is None else [loop.until]), *loop.following, *(i for _, _, i in loop.records)]
-        result[region] = list(_Order(nodes, some, needs, guards).of([*first, *some]))
+        result[region] = list(_Order(nodes, some, needs, guards).of(i for i in (*first, *some) if i not in guards))
     return result
 
 
@@ -56,8 +56,7 @@ class _Order:
 
     Attributes:
         waiting: what is not there yet.
-        taken: what loops inside take from behind a branch.
-        branches: what each yields.
+        branches: what each yields, by its number and the masks behind which that is needed.
     """
 
     def __init__(
@@ -65,59 +64,54 @@ class _Order:
         nodes: Sequence[Node],
         members: Sequence[int],
         needs: Callable[[int], Iterable[int]],
-        guards: Mapping[int, int],
+        guards: Mapping[int, Masks],
     ):
         self.nodes, self.needs, self.guards = nodes, needs, guards
         self.waiting = set(members)
-        loops = (i for i in members if nodes[i][0] == "loop")
-        self.taken = {a for i in loops for a in needs(i) if a in guards}
-        self.branches: dict[int, list[int]] = defaultdict(list)
+        self.branches: dict[tuple[int, Masks], list[int]] = defaultdict(list)
         for i in members:
-            if self._is_given(i):
-                self.branches[nodes[i][1]].append(i)
+            if nodes[i][0] == "given":
+                self.branches[self._branch(i)].append(i)
 
     def of(self, results: Iterable[int]) -> Iterator[int]:
         """These, and all that is waiting and that they need."""
-        for i in _each_after(results, self._enter, self._needs):
-            yield from self._behind(self._unit(i)) if self._is_given(i) or i in self.taken else (i,)
-
-    def _is_given(self, i: int) -> bool:
-        return self.nodes[i][0] == "given"
+        for i in _each_after(results, self._enter, self._outside):
+            if self.nodes[i][0] == "given":
+                branch = self._unit(i)
+                yield from self.of(self.nodes[k][3] for k in branch)
+                yield from branch
+            else:
+                yield i
 
     def _unit(self, i: int) -> Sequence[int]:
         """What is computed at once: a node, or those that a branch yields."""
-        return self.branches[self.nodes[i][1]] if self._is_given(i) else (i,)
+        return self.branches[self._branch(i)] if self.nodes[i][0] == "given" else (i,)
+
+    def _branch(self, i: int) -> tuple[int, Masks]:
+        return self.nodes[i][1], self.guards.get(i, ())
 
     def _enter(self, i: int) -> bool:
-        is_new = i in self.waiting and (i not in self.guards or i in self.taken)
+        is_new = i in self.waiting
         if is_new:
             self.waiting.difference_update(self._unit(i))
         return is_new
 
-    def _needs(self, i: int) -> Iterable[int]:
-        """What must be there before; of a branch what it takes from outside."""
-        if self.nodes[i][0] == "loop":
-            return self.needs(i)
-        stack = list(self._unit(i))
+    def _outside(self, i: int) -> Iterable[int]:
+        """What must be there before a node, the last first; before a branch, what it takes from outside.
+
+        What loops take from behind branches comes last: by then most of it is there, behind fewer branches.
+        """
+        if self.nodes[i][0] != "given":
+            return sorted(self.needs(i), key=lambda a: (self.guards.get(a, ()), a), reverse=True)
+        behind, stack = place(self.nodes, self.guards, i), list(self._unit(i))
         seen, outside = set(stack), set()
         while stack:
             new = {a for a in self.needs(stack.pop()) if a not in seen}
             seen |= new
-            stack += (a for a in new if a in self.guards)
-            outside |= {a for a in new if a not in self.guards}
-        return outside
-
-    def _behind(self, branch: Sequence[int]) -> Iterator[int]:
-        """The nodes of a branch that are not there yet."""
-        yields = set(branch)
-
-        def enter(i: int) -> bool:
-            is_new = i in yields or (i in self.guards and i in self.waiting)
-            yields.discard(i)
-            self.waiting.discard(i)
-            return is_new
-
-        return _each_after(branch, enter, self.needs)
+            inside = {a for a in new if self.guards.get(a, ())[: len(behind)] == behind}
+            stack += inside
+            outside |= new - inside
+        return sorted(outside, reverse=True)
 
 
 def _each_after(results: Iterable[int], enter: Callable[[int], bool], needs: Callable[[int], Iterable[int]]) -> Iterator[int]:
@@ -130,11 +124,11 @@ def _each_after(results: Iterable[int], enter: Callable[[int], bool], needs: Cal
                 yield i
             elif enter(i):
                 stack.append((i, True))
-                stack += [(a, False) for a in sorted(needs(i), reverse=True)]
+                stack += [(a, False) for a in needs(i)]
 
 
 def _entering(
-    graph: Graph, nodes: Sequence[Node], members: dict[int, list[int]], guards: Mapping[int, int]
+    graph: Graph, nodes: Sequence[Node], members: dict[int, list[int]], guards: Mapping[int, Masks]
 ) -> dict[int, set[int]]:
     """What each loop, by its region, takes from outside: to start with, or to look at in its turns."""
     result: dict[int, set[int]] = defaultdict(set)

@@ -11,7 +11,7 @@ from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
-from articulated.compiler.branches import awaited, guards, runs
+from articulated.compiler.branches import Branch, Masks, awaited, branched, guards
 from articulated.compiler.graph import LEAVES, MASKS, Graph, Loop, Node, operands
 from articulated.compiler.order import ordered
 
@@ -91,7 +91,7 @@ class Schedule:
     nodes: list[Node]
     items: list[Item]
     loops: list[Loop]
-    guards: dict[int, int]
+    guards: dict[int, Masks]
     slots: dict[int, int]
     size: int
 
@@ -191,7 +191,7 @@ class _Walk:
         self,
         graph: Graph,
         nodes: list[Node],
-        guards: dict[int, int],
+        guards: dict[int, Masks],
         by_region: dict[int, list[int]],
         written: dict[int, list[tuple[int, int, int]]],
         group: int,
@@ -223,24 +223,24 @@ class _Walk:
             items.extend(ready.values())
 
         close(-1)
-        for behind, some in runs(self.nodes, self.guards, self.by_region[region]):
-            if behind is not None:
+        for part in branched(self.nodes, self.guards, self.by_region[region]):
+            if isinstance(part, Branch):
+                some = list(part.nodes())
                 if len(chunk.nodes) + len(some) > self.chunk:  # a branch is in one chunk
                     close(place[some[0]] - 1)
                 chunk.nodes += some
                 continue
-            for i in some:
-                op = self.nodes[i][0]
-                if op == "loop":
-                    close(place[i])
-                    items += self._loop(self.graph.loops[self.nodes[i][1] - 1])
-                if op in LEAVES:
-                    continue
-                chunk.nodes.append(i)
-                if i == until or len(chunk.nodes) >= self.chunk:
-                    close(place[i])
-                if i == until:
-                    items.append(Exit(i))
+            op = self.nodes[part][0]
+            if op == "loop":
+                close(place[part])
+                items += self._loop(self.graph.loops[self.nodes[part][1] - 1])
+            if op in LEAVES:
+                continue
+            chunk.nodes.append(part)
+            if part == until or len(chunk.nodes) >= self.chunk:
+                close(place[part])
+            if part == until:
+                items.append(Exit(part))
         close(len(place))
         return items
 
@@ -327,7 +327,7 @@ def _reads_of(nodes: Sequence[Node], loops: Sequence[Loop], item: Item) -> Itera
 
 
 def _slots(
-    nodes: Sequence[Node], loops: Sequence[Loop], guards: dict[int, int], items: Sequence[Item]
+    nodes: Sequence[Node], loops: Sequence[Loop], guards: dict[int, Masks], items: Sequence[Item]
 ) -> tuple[dict[int, int], int]:
     """A slot for each node that is used outside the chunk that computes it, or the branch."""
     defined: dict[int, int] = {}
@@ -374,13 +374,20 @@ def _slots(
     return _assigned(defined, last)
 
 
-def _from_slots(nodes: Sequence[Node], guards: dict[int, int], chunk: Chunk) -> set[int]:
+def _from_slots(nodes: Sequence[Node], guards: dict[int, Masks], chunk: Chunk) -> set[int]:
     """The nodes that a chunk takes from their slots: from outside, or out of another branch."""
-    result, at_hand = set(), set()
-    for _, some in runs(nodes, guards, chunk.nodes):
-        at_hand.update(some)
-        result |= {a for i in some for a in awaited(nodes, guards, i)} - at_hand
-        at_hand -= guards.keys()
+    result: set[int] = set()
+
+    def visit(parts: Sequence[int | Branch], at_hand: set[int]) -> None:
+        for part in parts:
+            if isinstance(part, Branch):
+                visit(part.parts, set(at_hand))
+                at_hand.update(part.yields)
+            else:
+                result.update(a for a in awaited(nodes, guards, part) if a not in at_hand)
+                at_hand.add(part)
+
+    visit(branched(nodes, guards, chunk.nodes), set())
     return result
 
 

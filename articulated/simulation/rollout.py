@@ -300,10 +300,11 @@ class Rollout:
         self.motion, self._shared = moved, False
 
     def _order(self) -> np.ndarray | None:
-        """States whose steps took as many sweeps as each other's, side by side: a group waits for its slowest."""
+        """Side by side states whose steps are alike: a group does all that any of its states needs, as often as its slowest."""
         if not self._regroups:
             return None
-        return np.argsort(self.motion[..., self._like.stance.latest].ravel().astype(np.int16), kind="stable")
+        stance = self._like.stance
+        return np.lexsort([self.motion[..., k].ravel().astype(np.int32) for k in (stance.latest, stance.near)])
 
     @property
     def _regroups(self) -> bool:

@@ -45,19 +45,19 @@ class Way:
     du: Values
     dy: Values
 
-    def place(self, alpha: Scalar) -> tuple[Values, Values]:
-        """u and y this part of the way; of contacts that are not near, 0."""
+    def place(self, alpha: Scalar) -> tuple[Values, Values, list[Scalar]]:
+        """u and y this part of the way, and the limits; 0 of terms that are not near."""
 
-        def moved(k: int) -> list[Scalar]:
-            u, y = (
-                between(alpha, self.u.contacts[k], self.u_end.contacts[k]),
-                between(alpha, self.y.contacts[k], self.y_end.contacts[k]),
-            )
-            return [*u, *y]
+        def contact(k: int) -> list[Scalar]:
+            u = between(alpha, self.u.contacts[k], self.u_end.contacts[k])
+            return [*u, *between(alpha, self.y.contacts[k], self.y_end.contacts[k]), self.limits[k]]
 
-        both = self.terms.where_near(moved, [0.0] * 6)
-        u, y = between(alpha, self.u.joints, self.u_end.joints), between(alpha, self.y.joints, self.y_end.joints)
-        return Values([x[:3] for x in both], u), Values([x[3:] for x in both], y)
+        def joint(k: int) -> list[Scalar]:
+            return between(alpha, [self.u.joints[k], self.y.joints[k]], [self.u_end.joints[k], self.y_end.joints[k]])
+
+        contacts, joints = self.terms.near(contact, 7), self.terms.near_joints(joint, 2)
+        u = Values([x[:3] for x in contacts], [x for x, _ in joints])
+        return u, Values([x[3:6] for x in contacts], [x for _, x in joints]), [x[6] for x in contacts]
 
     def searched(self, settled: Scalar) -> tuple[Scalar, Scalar]:
         """How far to go, and Σ ‖g − y‖² there: all the way where that is settled or downhill enough, else to the bottom."""
@@ -124,10 +124,8 @@ class Way:
             return [where(is_nearer, turning, following), where(is_nearer, bend.pull, strongest)]
 
         found = [following, 0.0]
-        for contact, bend in zip(self.terms.contacts, bends, strict=False):
-            found = given(contact.near, partial(nearer, bend, found), found)
-        for bend in bends[len(self.terms.contacts) :]:
-            found = nearer(bend, found)
+        for term, bend in zip([*self.terms.contacts, *self.terms.joints], bends, strict=True):
+            found = given(term.near, partial(nearer, bend, found), found)
         return found[0]
 
 

@@ -15,9 +15,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from articulated.dynamics.tree import Tree
-from articulated.scalar import Scalar, repeat, where
+from articulated.scalar import Scalar, given, repeat, where
 from articulated.simulation.implicit.line import Way
 from articulated.simulation.implicit.sweep import Sweep
 from articulated.simulation.implicit.terms import Contact
@@ -63,7 +64,7 @@ def begin(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar]) -> Iterate
         contact = terms.contacts[k]
         return [contact.friction * contact.hinge.push(contact.n.dot(Vec3.of(u.contacts[k])))]
 
-    limits = [x for (x,) in terms.where_near(limit, [0.0])]
+    limits = [x for (x,) in terms.near(limit, 1)]
     none = Values([[0.0] * 3 for _ in terms.contacts], [0.0] * len(terms.joints))
     return Iterate(0.0, [v[s] for s in sweep.moving], u, none, limits, _FAR)
 
@@ -84,8 +85,7 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
     def turn(at: Iterate) -> Iterate:
         v, way = _whole_step(sweep, terms, at)
         alpha, square = way.searched(where(at.k < BOUNDED, 1.0, where(found(at), 1.0, 0.0)))
-        u, y = way.place(alpha)
-        limits = [x for (x,) in terms.where_near(lambda k: [way.limits[k]], [0.0])]
+        u, y, limits = way.place(alpha)
         return Iterate(at.k + 1.0, between(alpha, at.v, v), u, y, limits, square * (1.0 / mass))
 
     def found(at: Iterate) -> Scalar:
@@ -107,7 +107,7 @@ def _whole_step(sweep: Sweep, terms: Terms, at: Iterate) -> tuple[list[Scalar], 
         g.contacts.append(list(reaction.g))
     for joint, u in zip(terms.joints, at.u.joints, strict=True):
         answer, G = joint.reaction(u, theta)
-        load.on_joint(joint.direction, G, G * u - answer)
+        load.on_joint(joint.direction, *given(joint.near, partial(_linear, answer, G, u), [0.0, 0.0]))
         g.joints.append(answer)
         slopes.append(G)
     v, V = sweep.solve(load)
@@ -119,6 +119,11 @@ def _whole_step(sweep: Sweep, terms: Terms, at: Iterate) -> tuple[list[Scalar], 
         y.joints.append(answer + G * dx)
     limits = [_limit(*some, at.k) for some in zip(terms.contacts, u.contacts, y.contacts, at.limits, strict=True)]
     return [v[s] for s in sweep.moving], Way(terms, limits, at.u, at.y, g, u, y, du, y.minus(at.y))
+
+
+def _linear(answer: Scalar, G: Scalar, u: Scalar) -> list[Scalar]:
+    """The mass and the momentum that act along a joint."""
+    return [G, G * u - answer]
 
 
 def _limit(contact: Contact, u: Three, y: Three, limit: Scalar, k: Scalar) -> Scalar:

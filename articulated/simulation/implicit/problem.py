@@ -12,7 +12,7 @@ from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, maximum, minimum
 from articulated.simulation.contact.gaps import Gap, spread
 from articulated.simulation.forces import Forces
-from articulated.simulation.implicit.laws import Cone, Drive, Hinge
+from articulated.simulation.implicit.laws import Cone, Drive, Hinge, dot
 from articulated.simulation.implicit.momentum import Past
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import NEAR_RIGID, SLIP_SPEED, Contact, JointTerm
@@ -24,6 +24,8 @@ ANCHORING = 0.2
 """The part of an anchor's stretch that a step would undo."""
 REACH = 10.0
 """A point that would have to come so much faster than it does, to touch in this step, is left out of it [m/s]."""
+REACH_OF_STOPS = 50.0
+"""Likewise a stop, for a joint [rad/s, m/s]."""
 FASTEST_SAG = 1.0
 """What strays faster towards the ground is not made up for: after an impact it may not stray any more [m/s]."""
 
@@ -71,14 +73,19 @@ def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> lis
     """Stops, limited drives and dry friction, one term for each coordinate that has any of them; then stops of balls."""
     m, numbers = scene.mechanism, forces.numbers
     stops: dict[int, tuple[tuple[float, Hinge], ...]] = {}
+    near: dict[int, Scalar] = {}
     cones: list[JointTerm] = []
     for room in scene.room(start.q):
         stiffness, dissipation = numbers.stop_stiffness / room.w, numbers.stop_dissipation
         ends = tuple((sign, hinge(left, stiffness, dissipation, room.w, h)) for sign, left in room.ends)
+        speed = dot(list(room.direction.values()), [start.v[s] for s in room.direction])
+        closest = [left + h * (sign * speed - REACH_OF_STOPS) for sign, left in room.ends]
+        is_near = (closest[0] if len(closest) == 1 else minimum(*closest)) < 0.0
         if len(room.direction) == 1:
             stops.update((s, ends) for s in room.direction)
+            near.update((s, is_near) for s in room.direction)
         else:
-            cones.append(JointTerm(room.direction, ends, None, None, room.w))
+            cones.append(JointTerm(room.direction, ends, None, None, room.w, is_near))
     motors: dict[int, Drive] = {}
     if scene.drives and scene.drives.limited:
         for k, (s, (c, b)) in enumerate(zip(scene.drives.coordinates, drives(start, forces, h), strict=True)):
@@ -87,7 +94,10 @@ def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> lis
     for s, slack in zip(rubbing(m), start.stance.slack, strict=True):
         dry[s] = Cone(h * m.friction[s], SLIP_SPEED), slack * (ANCHORING / h)
     acted = sorted({*stops, *motors, *dry})
-    alone = [JointTerm({s: 1.0}, stops.get(s, ()), motors.get(s), dry.get(s), scene.joint_felt([s])) for s in acted]
+    alone = []
+    for s in acted:
+        always = s in motors or s in dry
+        alone.append(JointTerm({s: 1.0}, stops.get(s, ()), motors.get(s), dry.get(s), scene.joint_felt([s]), always or near[s]))
     return [*alone, *cones]
 
 

@@ -22,7 +22,8 @@ class Stance:
         efforts: what drives gave in the last step [N m or N].
         residual: the largest of the solver so far [m/s].
         failures: steps so far in which the solver did not reach its tolerance.
-        latest: sweeps of the last step.
+        near: which contacts were near in the last step, as a number.
+        latest: its sweeps.
         sweeps: of all steps so far.
     """
 
@@ -34,6 +35,7 @@ class Stance:
     efforts: list[Scalar]
     residual: Scalar
     failures: Scalar
+    near: Scalar
     latest: Scalar
     sweeps: Scalar
 
@@ -54,7 +56,7 @@ def unmoved(scene: Scene) -> Stance:
     drives = scene.drives.coordinates if scene.drives else ()
     anchors, pushes = [[0.0] * 2 for _ in range(n)], [[0.0] * 3 for _ in range(n)]
     shift = [0.0] * (scene.mechanism.nv if scene.rebounds else 0)
-    return Stance(anchors, [0.0] * len(dry), 0.0, shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0, 0.0)
+    return Stance(anchors, [0.0] * len(dry), 0.0, shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

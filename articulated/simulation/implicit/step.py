@@ -51,8 +51,8 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     else:
         found = solved(sweep, terms, start_at, scene.rig.mass, tolerance)
         along = found.v
-    v_new, _ = sweep.rest(found.v)
-    v_moving = sweep.rest(along)[0] if scene.rebounds else v_new
+    v_new = sweep.rest(found.v)
+    v_moving = sweep.rest(along) if scene.rebounds else v_new
     efforts = _efforts(start, terms, found, forces, v_new, h)
     work = start.work + _work(now, terms, found, forces, efforts, (v, v_new), h)
     q_new, v_end = _moved(now, start.q, v_moving, v_new, h)
@@ -147,6 +147,7 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
         list(efforts),
         maximum(before.residual, residual),
         before.failures + where(residual < forces.numbers.tolerance, 0.0, 1.0),
+        sum((where(contact.near, 2.0 ** (n % 20), 0.0) for n, contact in enumerate(terms.contacts)), 0.0),
         found.k,
         before.sweeps + found.k,
     )

@@ -75,13 +75,14 @@ class Sweep:
         v: list[Scalar] = [0.0] * self.mechanism.nv
         return v, self._unfold(folded, v, solves=lambda i: i in self.active, bodies=sorted(self.active - {WORLD}))
 
-    def rest(self, moving: Sequence[Scalar]) -> tuple[list[Scalar], list[Motion]]:
-        """The velocities of all coordinates and bodies, from those that move with the load."""
+    def rest(self, moving: Sequence[Scalar]) -> list[Scalar]:
+        """The velocities of all coordinates, from those that move with the load."""
         v: list[Scalar] = [0.0] * self.mechanism.nv
         for s, x in zip(self.moving, moving, strict=True):
             v[s] = x
         bodies = range(self.mechanism.nbodies)
-        return v, self._unfold(self._quiet, v, solves=lambda i: i not in self.active, bodies=bodies)
+        self._unfold(self._quiet, v, solves=lambda i: i not in self.active, bodies=bodies)
+        return v
 
     def _fold(self, folded: _Folded, bodies: Iterable[int], load: Load) -> None:
         """Inward: fold each subtree into its parent, its joint free."""

@@ -151,6 +151,7 @@ class JointTerm:
         drive: a motor with a limited torque, or None.
         dry: a friction cone and the anchor's velocity, or None.
         w: how much velocity an impulse gives, about [1/kg or 1/(kg m²)].
+        near: as of a contact; True if there is more than stops.
     """
 
     direction: dict[int, Scalar]
@@ -158,6 +159,7 @@ class JointTerm:
     drive: Drive | None
     dry: tuple[Cone, Scalar] | None
     w: float
+    near: Scalar
 
     def velocity(self, v: Sequence[Scalar]) -> Scalar:
         """u."""

@@ -24,19 +24,23 @@ class Terms:
         """u."""
         return Values([list(c.velocity(V)) for c in self.contacts], [j.velocity(v) for j in self.joints])
 
-    def where_near(self, of_contact: Callable[[int], list[Scalar]], otherwise: Sequence[Scalar]) -> list[list[Scalar]]:
-        """Numbers of each contact, otherwise others of those that are not near."""
-        return [given(contact.near, partial(of_contact, k), list(otherwise)) for k, contact in enumerate(self.contacts)]
+    def near(self, of_contact: Callable[[int], list[Scalar]], n: int) -> list[list[Scalar]]:
+        """n numbers of each contact; zeros of those that are not near."""
+        return [given(contact.near, partial(of_contact, k), [0.0] * n) for k, contact in enumerate(self.contacts)]
+
+    def near_joints(self, of_joint: Callable[[int], list[Scalar]], n: int) -> list[list[Scalar]]:
+        """As `near`, of each joint's term."""
+        return [given(joint.near, partial(of_joint, k), [0.0] * n) for k, joint in enumerate(self.joints)]
 
     def total(
         self, of_contact: Callable[[int], Sequence[Scalar]], of_joint: Callable[[int], Sequence[Scalar]], n: int
     ) -> list[Scalar]:
-        """Sums of n numbers that each term tells; contacts that are not near tell none."""
+        """Sums of n numbers that each term tells; terms that are not near tell none."""
         total: list[Scalar] = [0.0] * n
         for k, contact in enumerate(self.contacts):
             total = given(contact.near, partial(_with, total, of_contact, k), total)
-        for k in range(len(self.joints)):
-            total = _with(total, of_joint, k)
+        for k, joint in enumerate(self.joints):
+            total = given(joint.near, partial(_with, total, of_joint, k), total)
         return total
 
 
