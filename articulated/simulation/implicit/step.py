@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 from articulated.dynamics.configuration import integrate
 from articulated.dynamics.joints import Ball
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import ROOT, Tree, in_root, in_world, is_free, tree
-from articulated.scalar import Scalar, maximum, minimum, sqrt, where
+from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import folded, gaps
 from articulated.simulation.forces import Forces, dot
 from articulated.simulation.implicit.momentum import Past, along_coordinates, momenta
@@ -54,7 +55,7 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     v_new = sweep.rest(found.v)
     v_moving = sweep.rest(along) if scene.rebounds else v_new
     efforts = _efforts(start, terms, found, forces, v_new, h)
-    work = start.work + _work(now, terms, found, forces, efforts, (v, v_new), h)
+    work = start.work + _work(now, terms, (start_at, found), forces, efforts, (v, v_new), h)
     q_new, v_end = _moved(now, start.q, v_moving, v_new, h)
     stance = _stance(start.stance, terms, found, forces, efforts, h)
     if scene.rebounds:
@@ -97,14 +98,14 @@ def _efforts(start: Standing, terms: Terms, found: Iterate, forces: Forces, v: S
 def _work(
     now: Tree,
     terms: Terms,
-    found: Iterate,
+    solved: tuple[Iterate, Iterate],
     forces: Forces,
     efforts: Sequence[Scalar],
     velocities: tuple[Sequence[Scalar], Sequence[Scalar]],
     h: Scalar,
 ) -> Scalar:
     """Of all forces but weight: impulse times mean velocity, the change of kinetic energy for a constant mass matrix."""
-    m, (v, v_new) = now.mechanism, velocities
+    m, (v, v_new), (begun, found) = now.mechanism, velocities, solved
     mean = [0.5 * (a + b) for a, b in zip(v, v_new, strict=True)]
     impulse = [h * (tau - d * x) for tau, d, x in zip(forces.tau, m.damping, v_new, strict=True)]
     if forces.scene.drives and not forces.scene.drives.limited:
@@ -114,9 +115,14 @@ def _work(
         for s, x in joint.direction.items():
             impulse[s] = impulse[s] - y * x
     work = dot(impulse, mean)
+
+    def with_contact(n: int, work: Scalar) -> Scalar:
+        mean = (Vec3.of(begun.u.contacts[n]) + Vec3.of(found.u.contacts[n])) * 0.5
+        return work - Vec3.of(found.y.contacts[n]).dot(mean + terms.contacts[n].ground)
+
+    for n, contact in enumerate(terms.contacts):
+        work = given(contact.near, partial(with_contact, n, work), work)
     V_mean = now.velocities(mean)
-    for contact, y in zip(terms.contacts, found.y.contacts, strict=True):
-        work = work - Vec3.of(y).dot(contact.velocity(V_mean) + contact.ground)
     for (i, X_BL), wrench in zip(m.links, forces.external or (), strict=bool(forces.external)):
         if i != WORLD:
             at = V_mean[i].linear + V_mean[i].angular.cross(now.X[i].transform_point(X_BL.p))
@@ -127,11 +133,13 @@ def _work(
 def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, efforts: Sequence[Scalar], h: Scalar) -> Stance:
     """What is carried on."""
     scene = forces.scene
-    anchors = []
-    for n, contact in enumerate(terms.contacts):
+
+    def contact(n: int) -> list[Scalar]:
         u, y, limit = Vec3.of(found.u.contacts[n]), Vec3.of(found.y.contacts[n]), found.limits[n]
-        stretch = _stretch(contact, u, y, limit, h)
-        anchors.append(folded(scene.surface_of(n), contact.n, stretch))
+        stretch = _stretch(terms.contacts[n], u, y, limit, h)
+        return [*folded(scene.surface_of(n), terms.contacts[n].n, stretch), *(-(x / h) for x in y)]
+
+    contacts = terms.near(contact, 5)
     dry = [(joint, u) for joint, u in zip(terms.joints, found.u.joints, strict=True) if joint.dry is not None]
     speed = {s: u for joint, u in dry for s in joint.direction}
     longest = SLIP_SPEED * h / ANCHORING
@@ -139,11 +147,11 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
     slack = [minimum(maximum(x + h * speed[s], -longest), longest) for s, x in rubbed]
     residual = sqrt(found.error)
     return Stance(
-        anchors,
+        [x[:2] for x in contacts],
         slack,
         h,
         before.shift,
-        [[-(x / h) for x in y] for y in found.y.contacts],
+        [x[2:] for x in contacts],
         list(efforts),
         maximum(before.residual, residual),
         before.failures + where(residual < forces.numbers.tolerance, 0.0, 1.0),
