@@ -150,7 +150,7 @@ def contact(native: bool) -> None:
                 )
             ]
             ratios = [ratio(taken, f"peer {who}", who) * (BATCH / 64) for who in ("falling", "rest")]
-            missed = end.memory[:, -3].sum() / (500 * BATCH)
+            missed = end.motion()[:, simulation._world.layout.stance.failures].sum() / (500 * BATCH)
             print(
                 f"| {name}, {len(chosen)} | {np.dtype(dtype).name} | {ns[0]:.0f} | {ns[1]:.0f} | {ns[2]:.0f} | {ns[3]:.0f}"
                 f" | {ratios[0]:.1f} | {ratios[1]:.1f} | {simulation.residual(end).max():.1e} | {missed:.1e} |",
