@@ -7,9 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from contact_rigs import body, on_incline, upright
+from contact_rigs import body, chain, on_incline, upright
 
 import articulated as art
+from articulated.simulation.implicit import problem
 
 G = 9.81
 
@@ -234,6 +235,34 @@ class TestForces:
         assert contacts.on("body")[2] == pytest.approx(G, rel=1e-3)
         with pytest.raises(ValueError, match="link 'head' has no point of contact; there are some on body"):
             contacts.on("head")
+
+
+class TestReach:
+    """Points and stops that nothing can bring together in a step have no part in it."""
+
+    def test_nothing_is_missed(self, monkeypatch, rng):
+        """Falling chains, as if all were looked at: not a bit is different."""
+        monkeypatch.setenv("ARTICULATED_CACHE", "off")
+        q, v = chain(6).random(rng, 64), rng.normal(size=(64, chain(6).nv))
+        q[:, 2] = rng.uniform(0.1, 0.5, 64)
+        ends = []
+        for reach in (10.0, 1e9):
+            monkeypatch.setattr(problem, "REACH", reach)
+            monkeypatch.setattr(problem, "REACH_OF_STOPS", 5.0 * reach)
+            run = art.Simulation(chain(6), ground=True).run(q, v, duration=1.0)
+            assert (np.linalg.norm(run.contact_forces, axis=-1) > 0.0).any(axis=(0, 1)).all()
+            ends.append(np.concatenate([run.q, run.v, run.contact_forces.reshape(*run.q.shape[:2], -1)], axis=-1))
+        np.testing.assert_array_equal(*ends)
+
+    @pytest.mark.parametrize("speed", [5.0, 50.0, 500.0])
+    def test_what_comes_fast_is_met(self, ball, speed):
+        v = np.zeros((20, 6))
+        v[:, 2] = -speed
+        q = upright(ball, 0.0, (20,))
+        q[:, 2] = 1.0 + np.linspace(0.0, 0.002 * speed, 20)  # it meets the ground at any time within a step
+        run = art.Simulation(ball, ground=True, dt=0.002).run(q, v, duration=0.3 + 1.0 / speed, fps=500)
+        assert run.contact_gaps.min() > -1.1 * speed * 0.002 / (2 * np.pi) - 1e-3  # a spring with the period of a step
+        assert np.abs(run.v[:, -1, 2]).max() < 0.2  # it has stopped, or hops by millimetres
 
 
 def pendulum(lower, upper, **properties) -> art.Rig:
