@@ -260,7 +260,7 @@ class TestReach:
         v[:, 2] = -speed
         q = upright(ball, 0.0, (20,))
         q[:, 2] = 1.0 + np.linspace(0.0, 0.002 * speed, 20)  # it meets the ground at any time within a step
-        run = art.Simulation(ball, ground=True, dt=0.002).run(q, v, duration=0.3 + 1.0 / speed, fps=500)
+        run = art.Simulation(ball, ground=art.Ground(stiffness=1e9), dt=0.002).run(q, v, duration=0.3 + 1.0 / speed, fps=500)
         fastest = np.hypot(speed, np.sqrt(2.0 * G))
         assert run.contact_gaps.min() > -1.1 * fastest * 0.002 / (2 * np.pi) - 1e-3  # a spring with the period of a step
         assert np.abs(run.v[:, -1, 2]).max() < 0.2  # it has stopped, or hops by millimetres
