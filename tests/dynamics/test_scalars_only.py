@@ -73,6 +73,9 @@ class Opaque:
             flat = [a if done else Opaque(_secret(b)) for a, b in zip(flat, new, strict=True)]
         return rebuilt(carry, iter(flat))
 
+    def given(self, value, otherwise):
+        return rebuilt(otherwise, iter([self.where(a, b) for a, b in zip(flatten(value()), flatten(otherwise), strict=True)]))
+
     def where(self, a, b):
         return Opaque(_secret(a) if self._secret else _secret(b))
 
