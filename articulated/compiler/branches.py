@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
-from articulated.compiler.graph import LEAVES, Graph, Loop, Node, operands
+from articulated.compiler.graph import LEAVES, Graph, Node, operands
 
 Masks = tuple[int, ...]
 """Those behind which something is, the outermost first."""
@@ -41,7 +41,7 @@ def guards(graph: Graph, nodes: list[Node], live: Iterable[int], roots: Iterable
             behind = tuple(mask for mask in behind if is_known(mask, graph.region[i]))
         needed[i] = () if nodes[i][0] in LEAVES else tuple(mask for mask in needed.get(i, behind) if mask in behind)
 
-    for i in (*roots, *(i for loop in graph.loops for i in _of(loop))):
+    for i in (*roots, *(i for loop in graph.loops for i in (*loop.initial, *loop.results()))):
         needed[i] = ()
     for i in sorted(live, reverse=True):
         behind = needed.get(i, ())
@@ -98,10 +98,3 @@ def awaited(nodes: Sequence[Node], guards: Mapping[int, Masks], i: int) -> Seque
 def place(nodes: Sequence[Node], guards: Mapping[int, Masks], i: int) -> Masks:
     """The masks behind which a node stands; a `given` stands behind its own."""
     return (*guards.get(i, ()), nodes[i][2]) if nodes[i][0] == "given" else guards.get(i, ())
-
-
-def _of(loop: Loop) -> Iterator[int]:
-    yield from (*loop.initial, *loop.following)
-    yield from (node for _, _, node in loop.records)
-    if loop.until is not None:
-        yield loop.until

@@ -70,6 +70,13 @@ class Loop:
         if self.until is not None:
             yield self.until
 
+    def results(self) -> Iterator[int]:
+        """The nodes that a turn is for, the mask first."""
+        if self.until is not None:
+            yield self.until
+        yield from self.following
+        yield from (node for _, _, node in self.records)
+
 
 def operands(node: Node) -> Node:
     """The nodes that a node is computed from."""

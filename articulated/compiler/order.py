@@ -38,10 +38,7 @@ def ordered(graph: Graph, nodes: Sequence[Node], live: Iterable[int], guards: Ma
     result: dict[int, list[int]] = defaultdict(list)
     late = {loop.region: loop for loop in graph.loops if _iterates(graph, loop)}
     for region, some in members.items():
-        first: Sequence[int] = ()
-        if region in late:
-            loop = late[region]
-            first = [*([] if loop.until is None else [loop.until]), *loop.following, *(i for _, _, i in loop.records)]
+        first = late[region].results() if region in late else ()
         result[region] = list(_Order(nodes, some, needs, guards).of(i for i in (*first, *some) if i not in guards))
     return result
 

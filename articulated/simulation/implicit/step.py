@@ -122,7 +122,7 @@ def _work(
 
     for n, contact in enumerate(terms.contacts):
         work = given(contact.near, partial(with_contact, n, work), work)
-    V_mean = now.velocities(mean)
+    V_mean = now.velocities(mean) if forces.external else []
     for (i, X_BL), wrench in zip(m.links, forces.external or (), strict=bool(forces.external)):
         if i != WORLD:
             at = V_mean[i].linear + V_mean[i].angular.cross(now.X[i].transform_point(X_BL.p))
