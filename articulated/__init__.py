@@ -22,6 +22,14 @@ from articulated.dynamics.functions import (
     point_wrench,
     potential_energy,
 )
+from articulated.dynamics.loops.assembly import AssemblyError, assemble
+from articulated.dynamics.loops.functions import (
+    constrained_dynamics,
+    constrained_inverse_dynamics,
+    loop_gaps,
+    loop_jacobian,
+    project_velocity,
+)
 from articulated.export import export_c
 from articulated.rig import (
     Box,
@@ -30,6 +38,7 @@ from articulated.rig import (
     Joint,
     Limits,
     Link,
+    Loop,
     Mesh,
     Mimic,
     Rig,
@@ -38,6 +47,7 @@ from articulated.rig import (
     RigWarning,
     Shape,
     Sphere,
+    compose,
     load,
     shipped_rigs,
 )
@@ -66,6 +76,7 @@ __all__ = [
     "GRAVITY",
     "INTEGRATORS",
     "PD",
+    "AssemblyError",
     "Box",
     "Capsule",
     "Check",
@@ -78,6 +89,7 @@ __all__ = [
     "Joint",
     "Limits",
     "Link",
+    "Loop",
     "Material",
     "Mesh",
     "Mimic",
@@ -95,8 +107,12 @@ __all__ = [
     "State",
     "Stops",
     "Trajectory",
+    "assemble",
     "bias_forces",
     "center_of_mass",
+    "compose",
+    "constrained_dynamics",
+    "constrained_inverse_dynamics",
     "difference",
     "export_c",
     "first_order",
@@ -109,11 +125,14 @@ __all__ = [
     "link_poses",
     "link_velocities",
     "load",
+    "loop_gaps",
+    "loop_jacobian",
     "mass_matrix",
     "momentum",
     "passive_forces",
     "point_wrench",
     "potential_energy",
+    "project_velocity",
     "shipped_rigs",
     "simulate",
 ]

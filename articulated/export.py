@@ -79,7 +79,7 @@ def export_c(
 
 
 def _step(rig: Rig, gravity: tuple[float, ...]) -> Program:
-    scene, like, numbers = described(rig, None, None, True, None, _TOLERANCE)
+    scene, like, numbers = described(rig, None, None, True, None, _TOLERANCE, ())
     rubs = len(unmoved(scene).slack)
 
     def write(tape: Tape, q: Nested, v: Nested, *rest: Nested) -> list[Nested]:

@@ -123,6 +123,13 @@ def unfolded(x: Scalar, among: Iterable[Scalar]) -> Scalar:
     return next((scalar.unfolded(x) for scalar in among if hasattr(scalar, "unfolded")), x)
 
 
+def rounding(x: Scalar) -> float:
+    """The distance from 1 to the next number of the precision in which `x` is computed."""
+    if isinstance(x, _NUMPY) and x.dtype == np.float32:
+        return float(np.finfo(np.float32).eps)
+    return float(np.finfo(np.float64).eps) if isinstance(x, (float, int, *_NUMPY)) else x.rounding
+
+
 def is_zero(x: Scalar) -> bool:
     """Whether `x` is the constant 0, known before any state is: a question about the program, not about a value."""
     return isinstance(x, (float, int)) and x == 0

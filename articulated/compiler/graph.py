@@ -318,6 +318,11 @@ class Traced:
     def nearest(self) -> Scalar:
         return elementary.nearest(self, self.graph.single)
 
+    @property
+    def rounding(self) -> float:
+        """See `scalar.rounding`."""
+        return 2.0**-23 if self.graph.single else 2.0**-52
+
     def unfolded(self, x: Scalar) -> Traced:
         """A scalar that takes part in no simplification."""
         return Traced(self.graph, self.graph.node("same", self.index_of(x)))

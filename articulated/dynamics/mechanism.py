@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -96,6 +97,12 @@ class Mechanism:
     @property
     def nv(self) -> int:
         return len(self.armature)
+
+    @cached_property
+    def free_roots(self) -> tuple[int, ...]:
+        """Bodies that float in the world."""
+        kinds = [self.rig.joints[joint.name].kind for joint in self.joints]
+        return tuple(i for i, p in enumerate(self.parent) if p == WORLD and kinds[i] == "floating")
 
     def own_joints(self) -> list[TreeJoint]:
         """The joints that have coordinates of their own, in the order of these."""

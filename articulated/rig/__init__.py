@@ -1,9 +1,11 @@
 """The frozen description of a rig, and where it comes from."""
 
 from articulated.rig.builder import RigBuilder
+from articulated.rig.compose import compose
 from articulated.rig.errors import RigError, RigWarning
 from articulated.rig.joint import KINDS, Joint, Limits, Mimic
 from articulated.rig.load import load, shipped_rigs
+from articulated.rig.loop import Loop
 from articulated.rig.rig import Body, Link, Rig
 from articulated.rig.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -16,6 +18,7 @@ __all__ = [
     "Joint",
     "Limits",
     "Link",
+    "Loop",
     "Mesh",
     "Mimic",
     "Rig",
@@ -24,6 +27,7 @@ __all__ = [
     "RigWarning",
     "Shape",
     "Sphere",
+    "compose",
     "load",
     "shipped_rigs",
 ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from articulated.rig.description import JointDescription, LinkDescription, check
 from articulated.rig.errors import Place
 from articulated.rig.frames import pose_of, snapped
 from articulated.rig.joint import ALIASES, Limits, Mimic
+from articulated.rig.loop import Loop, check_loop
 from articulated.rig.rig import Rig
 from articulated.rig.shapes import Geometry, Shape
 
@@ -37,6 +39,7 @@ class RigBuilder:
         self.ignored: dict[str, int] = {}
         self._links: list[LinkDescription] = []
         self._joints: list[JointDescription] = []
+        self._loops: list[tuple[Loop, Place]] = []
 
     def link(
         self,
@@ -134,6 +137,17 @@ class RigBuilder:
         check_joint(joint)
         self._joints.append(joint)
 
+    def loop(self, loop: Loop, *, place: Place | None = None) -> None:
+        """Add a loop, which the rig's simulations close; its links may be added later.
+
+        Raises:
+            RigError: another loop has its name.
+        """
+        place = place or Place(self.source or f"rig {self.name!r}", str(loop))
+        if any(loop.name == other.name for other, _ in self._loops):
+            raise place.error("another loop has this name", "rename it")
+        self._loops.append((loop, place))
+
     def build(self, root: str = "fixed", *, repair_inertia: bool = False) -> Rig:
         """The rig of these links and joints.
 
@@ -142,12 +156,19 @@ class RigBuilder:
             repair_inertia: replace an impossible inertia by the nearest possible one instead of refusing it.
 
         Raises:
-            RigError: they do not form a tree, a mimic leads nowhere, an inertia is impossible or a joint moves no mass.
+            RigError: they do not form a tree, a mimic leads nowhere, an inertia is impossible, a joint moves no mass, or a loop
+                does not fit.
             ValueError: `root` is not one of these.
         """
         if root not in ("fixed", "free", "planar"):
             raise ValueError(f"root is {root!r}; expected 'fixed', 'free' or 'planar'")
-        return assemble(self.name, self.place, self._links, self._joints, root, repair_inertia, self.source, self.ignored)
+        rig = assemble(self.name, self.place, self._links, self._joints, root, repair_inertia, self.source, self.ignored)
+        for loop, place in self._loops:
+            try:
+                check_loop(rig, loop)
+            except ValueError as error:
+                raise place.error(str(error).removeprefix(f"{loop}: "), "correct the loop") from None
+        return replace(rig, loops=tuple(loop for loop, _ in self._loops))
 
 
 def _number(place: Place, what: str, value: Any) -> float:

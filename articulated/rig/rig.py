@@ -6,11 +6,15 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulated.rig.joint import KINDS, Joint
 from articulated.rig.shapes import Shape
+
+if TYPE_CHECKING:
+    from articulated.rig.loop import Loop
 
 _ENDLESS = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""
@@ -98,6 +102,7 @@ class Rig:
         bodies: what moves, parents first.
         source: the file it came from, or "".
         ignored: elements of the source that mean nothing to a simulation, counted by name.
+        loops: what joins its links besides joints, if its source says; a `Simulation` closes these.
         nq, nv: length of a configuration, and of a generalized velocity: the number of degrees of freedom.
     """
 
@@ -109,6 +114,7 @@ class Rig:
     bodies: tuple[Body, ...]
     source: str
     ignored: Mapping[str, int]
+    loops: tuple[Loop, ...] = ()
     nq: int = field(init=False)
     nv: int = field(init=False)
 

@@ -10,21 +10,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from articulated.dynamics.loops.closure import lines
+from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree, force_at, in_world, tree
 from articulated.scalar import Scalar, maximum, minimum, sqrt
 from articulated.simulation.contact.gaps import gaps
 from articulated.simulation.implicit.terms import SLIP_SPEED
 from articulated.simulation.scene import Drives, Numbers, Scene
-from articulated.spatial import Force, Vec3
+from articulated.spatial import Force, Motion, Vec3
 
 
 @dataclass(frozen=True, eq=False)
 class Given:
-    """What the scene gives: generalized forces, forces on bodies in their own axes, and the power of the latter."""
+    """What the scene gives: generalized forces, forces on bodies in their own axes and the power of these, and ropes' pulls."""
 
     tau: list[Scalar]
     on_bodies: list[Force | None]
     power: Scalar
+    pulls: list[Scalar]
+
+    def on_body(self, now: Tree, i: int, f: Force) -> None:
+        """Add a force on a body, about O."""
+        force, so_far = now.X[i].force_to_child(f), self.on_bodies[i]
+        self.on_bodies[i] = force if so_far is None else so_far + force
 
 
 def compliance(
@@ -52,16 +60,32 @@ def compliance(
             limit = numbers.drives.limit[k]
             wanted = maximum(minimum(wanted, limit), -limit)
         tau[s] = tau[s] + wanted
-    on_bodies: list[Force | None] = [None] * m.nbodies
-    return (
-        _touched(scene, numbers, tree(m, q), v, Given(tau, on_bodies, 0.0), tables)
-        if scene.touches
-        else Given(tau, on_bodies, 0.0)
-    )
+    given = Given(tau, [None] * m.nbodies, 0.0, [])
+    if scene.touches or scene.ropes:
+        now = tree(m, q)
+        V = now.velocities(in_world(now, v))
+        given = _pulled(scene, numbers, now, q, V, given)
+        given = _touched(scene, numbers, now, V, given, tables) if scene.touches else given
+    return given
 
 
-def _touched(scene: Scene, numbers: Numbers, now: Tree, v: Sequence[Scalar], given: Given, tables: Sequence[Any]) -> Given:
-    V, power = now.velocities(in_world(now, v)), given.power
+def _pulled(scene: Scene, numbers: Numbers, now: Tree, q: Sequence[Scalar], V: Sequence[Motion], given: Given) -> Given:
+    """With ropes: stops at their full length."""
+    pulls, power = [], given.power
+    for rope, line in zip(scene.ropes, lines(now, q, scene.ropes), strict=True):
+        speed = line.speed(V, ())
+        pull = -_push(-line.gap, -speed, numbers.stop_stiffness / scene.rope_felt(rope), numbers.stop_dissipation)
+        pulls.append(pull)
+        power = power + pull * speed
+        assert line.K is not None
+        for body, sign in ((line.a, -1.0), (line.b, 1.0)):
+            if body != WORLD:
+                given.on_body(now, body, line.K * (pull * sign))
+    return Given(given.tau, given.on_bodies, power, pulls)
+
+
+def _touched(scene: Scene, numbers: Numbers, now: Tree, V: Sequence[Motion], given: Given, tables: Sequence[Any]) -> Given:
+    power = given.power
     for n, gap in enumerate(gaps(scene, now, tables)):
         material, body = numbers.materials[scene.material[scene.candidate_of(n)]], scene.body_of(n)
         u = V[body].linear + V[body].angular.cross(gap.point) - Vec3.of(scene.velocity)
@@ -71,10 +95,8 @@ def _touched(scene: Scene, numbers: Numbers, now: Tree, v: Sequence[Scalar], giv
         rub = material.friction * push / sqrt(across.dot(across) + SLIP_SPEED * SLIP_SPEED)
         f = gap.normal * push - across * rub
         power = power + f.dot(u + Vec3.of(scene.velocity))
-        force = now.X[body].force_to_child(force_at(gap.point, f, Vec3.zero()))
-        so_far = given.on_bodies[body]
-        given.on_bodies[body] = force if so_far is None else so_far + force
-    return Given(given.tau, given.on_bodies, power)
+        given.on_body(now, body, force_at(gap.point, f, Vec3.zero()))
+    return Given(given.tau, given.on_bodies, power, given.pulls)
 
 
 def _push(gap: Scalar, u: Scalar, stiffness: Scalar, dissipation: Scalar) -> Scalar:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from articulated.dynamics.boundary import find_link
-from articulated.rig import Rig
+from articulated.dynamics.loops.closure import closures
+from articulated.dynamics.loops.functions import own_loops
+from articulated.rig import Loop, Rig
 from articulated.rig.errors import RigWarning
 from articulated.scalar import flatten, rebuilt
 from articulated.simulation.actuation import PD, Gains, Stops, gains
@@ -28,6 +31,7 @@ def described(
     limits: Stops | bool,
     actuation: PD | None,
     tolerance: float,
+    loops: Sequence[Loop] | None = None,
 ) -> tuple[Scene, Numbers, np.ndarray]:
     """The scene, the structure of its numbers, and their values, shape (..., n).
 
@@ -41,6 +45,8 @@ def described(
     _check_kind("limits", stops, Stops, "True, False or Stops")
     driven = gains(rig, actuation) if actuation is not None else None
     scene, materials = _scene(rig, ground, points, stops, driven)
+    some = closures(rig, own_loops(rig, loops))
+    scene = replace(scene, loops=tuple(x for x in some if not x.one_sided), ropes=tuple(x for x in some if x.one_sided))
     none = np.zeros(0)
     p, d, limit = (driven.stiffness, driven.damping, driven.limit) if driven else (none, none, none)
     stop = stops or Stops()

@@ -6,13 +6,16 @@ II.6, table 6.1. All over scalars, with no branch on a value: what a state does 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from articulated.dynamics.configuration import step_rate
+from articulated.dynamics.loops.factor import Redundancy, entries
 from articulated.dynamics.mechanism import Mechanism
-from articulated.scalar import Scalar, absolute, exp, log, maximum, minimum, sqrt, where
-from articulated.simulation.forces import Forces, acceleration_and_power
-from articulated.simulation.runge_kutta import Point, Slope, Tableau, moved, stage
+from articulated.scalar import Scalar, absolute, exp, flatten, log, maximum, minimum, rebuilt, sqrt, where
+from articulated.simulation.forces import Forces
+from articulated.simulation.runge_kutta import Point, Slope, Tableau, closed, moved, stage
 
 DOPRI5 = Tableau(
     (
@@ -38,6 +41,8 @@ _DENSE = (
     (40617522 / 29380423, -110615467 / 29380423, 69997945 / 29380423),
 )
 """Weights of θ², θ³ and θ⁴ in the step to the fraction θ of the way; θ itself belongs to the first slope alone."""
+
+Choice = TypeVar("Choice", Point, Slope)
 
 _SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
 _SMALLEST = 1e-13
@@ -68,11 +73,15 @@ class Adaptive:
     failed: Scalar
 
 
-def begin(at: Point, h: Scalar) -> Adaptive:
-    """A motion that starts at time 0 with a first step of h, once `restarted` has given it a slope."""
+def begin(at: Point, h: Scalar, sizes: Sequence[int] = ()) -> Adaptive:
+    """A motion that starts at time 0 with a first step of h, once `restarted` has given it a slope.
+
+    `sizes`: rows of each loop.
+    """
     zero = 0.0 * at.work
     still = [zero] * len(at.v)
-    slope = Slope(still, still, zero)
+    repeats = Redundancy([zero] * entries(sizes), [zero] * sum(sizes)) if sizes else None
+    slope = Slope(still, still, zero, [zero] * len(at.pulls), repeats)
     return Adaptive(zero, at, slope, zero + h, zero, at, [slope] * 7, zero + 1.0, zero, zero)
 
 
@@ -83,7 +92,7 @@ def restarted(state: Adaptive, forces: Forces) -> Adaptive:
 
 def first_slope(at: Point, forces: Forces) -> Slope:
     """The slope at a point."""
-    return Slope(at.v, *acceleration_and_power(at.q, at.v, forces))
+    return stage(at, (), [], forces, 0.0)[0]
 
 
 def at_rest(state: Adaptive, t_end: Scalar, max_steps: Scalar) -> Scalar:
@@ -104,11 +113,13 @@ def attempt(
     # the last step ends exactly there; a rest that would leave a sliver is halved
     h = where(state.h >= rest, rest, where(2.0 * state.h > rest, 0.5 * rest, state.h))
 
-    slopes = [state.slope]
+    slopes, looped = [state.slope], None
     for row in DOPRI5.a[1:]:
-        slopes.append(stage(state.at, row, slopes, forces, h))
+        slope, looped = stage(state.at, row, slopes, forces, h)
+        slopes.append(slope)
     step, arrived = moved(mechanism, state.at, DOPRI5.b, slopes, h)
     assert step is not None
+    arrived = arrived if looped is None else closed(forces, arrived, looped)
     next_slope = first_slope(arrived, forces)
     # the same slope as seen from the start of the step is what error and dense output need
     slopes.append(replace(next_slope, step=step_rate(mechanism, step, arrived.v)))
@@ -125,11 +136,11 @@ def attempt(
     return Adaptive(
         t=where(accept, t, state.t),
         at=_chosen(accept, arrived, state.at),
-        slope=_chosen_slope(accept, next_slope, state.slope),
+        slope=_chosen(accept, next_slope, state.slope),
         h=h_next,
         t0=where(accept, state.t, state.t0),
         start=_chosen(accept, state.at, state.start),
-        slopes=[_chosen_slope(accept, a, b) for a, b in zip(slopes, state.slopes, strict=True)],
+        slopes=[_chosen(accept, a, b) for a, b in zip(slopes, state.slopes, strict=True)],
         taken=where(accept, h, state.taken),
         steps=state.steps + 1.0,
         failed=where(too_short, 1.0, state.failed),
@@ -142,7 +153,7 @@ def interpolated(mechanism: Mechanism, state: Adaptive, t: Scalar) -> Point:
     weights = [s * s * (a + s * (b + s * c)) for a, b, c in _DENSE]
     weights[0] = weights[0] + s
     _, between = moved(mechanism, state.start, weights, state.slopes, state.taken)
-    return _chosen(state.t == t, state.at, between)
+    return _chosen(state.t == t, state.at, replace(between, pulls=state.at.pulls))
 
 
 def _error(
@@ -160,13 +171,5 @@ def _error(
     return sqrt(total / max(1, 2 * mechanism.nv))
 
 
-def _chosen(condition: Scalar, a: Point, b: Point) -> Point:
-    return Point(_where(condition, a.q, b.q), _where(condition, a.v, b.v), where(condition, a.work, b.work))
-
-
-def _chosen_slope(condition: Scalar, a: Slope, b: Slope) -> Slope:
-    return Slope(_where(condition, a.step, b.step), _where(condition, a.v, b.v), where(condition, a.work, b.work))
-
-
-def _where(condition: Scalar, a: list[Scalar], b: list[Scalar]) -> list[Scalar]:
-    return [where(condition, x, y) for x, y in zip(a, b, strict=True)]
+def _chosen(condition: Scalar, a: Choice, b: Choice) -> Choice:
+    return rebuilt(a, iter([where(condition, x, y) for x, y in zip(flatten(a), flatten(b), strict=True)]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,11 +10,16 @@ from numpy.typing import ArrayLike
 from articulated.dynamics.boundary import GRAVITY, Argument, checked
 from articulated.dynamics.calls import call
 from articulated.dynamics.configuration import configuration_rate
+from articulated.dynamics.loops.closure import Closure
+from articulated.dynamics.loops.functions import two_sided
 from articulated.dynamics.mechanism import Mechanism
-from articulated.rig import Rig
+from articulated.rig import Loop, Rig
 from articulated.scalar import Scalar
-from articulated.simulation.forces import Forces, acceleration_and_power
+from articulated.simulation.forces import Forces, rate
 from articulated.simulation.scene import Scene
+
+_CLOSING = 20.0
+"""How fast gaps of loops go to zero [1/s]."""
 
 
 class FirstOrder:
@@ -34,9 +39,10 @@ class FirstOrder:
         control: Callable[[float, np.ndarray, np.ndarray], ArrayLike] | ArrayLike | None = None,
         external: Callable[[float, np.ndarray, np.ndarray], ArrayLike] | ArrayLike | None = None,
         gravity: ArrayLike = GRAVITY,
+        loops: Sequence[Loop] | None = None,
     ):
         """See `first_order`."""
-        self.rig = rig
+        self.rig, self._closures = rig, two_sided(rig, loops)
         self._control, self._external = control, external
         self._gravity = checked(rig, Argument("gravity", gravity, (3,)))
         if control is not None and not callable(control):
@@ -60,7 +66,7 @@ class FirstOrder:
             Argument("gravity", self._gravity, (3,), role="gravity"),
         ]
         # a solver may try what is no good: that is its own affair
-        rate = call(rig, _rate, arguments, (rig.nq + rig.nv,), None, None, watched=False)
+        rate = call(rig, _rate, arguments, (rig.nq + rig.nv,), None, None, watched=False, closures=self._closures)
         return np.moveaxis(rate, -1, 0)
 
     def pack(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
@@ -90,13 +96,17 @@ class FirstOrder:
         return None if answer is None else checked(self.rig, Argument(f"{name}(t={t:g})", answer, shape))
 
 
-def _rate(m: Mechanism, q, v, tau, external, gravity) -> list[Scalar]:
-    a, _ = acceleration_and_power(q, v, Forces(Scene(m.rig), tau, external, gravity))
-    return [*configuration_rate(m, q, v), *a]
+def _rate(m: Mechanism, q, v, tau, external, gravity, closures: tuple[Closure, ...]) -> list[Scalar]:
+    forces = Forces(Scene(m.rig, loops=closures), tau, external, gravity)
+    return [*configuration_rate(m, q, v), *rate(q, v, forces, closing=_CLOSING).a]
 
 
-def first_order(rig: Rig, control=None, external=None, gravity: ArrayLike = GRAVITY) -> FirstOrder:
-    """The phase-space form of a rig's motion: state in, derivative out. Joint damping and friction act.
+def first_order(
+    rig: Rig, control=None, external=None, gravity: ArrayLike = GRAVITY, loops: Sequence[Loop] | None = None
+) -> FirstOrder:
+    """The phase-space form of a rig's motion: state in, derivative out. Joint damping and friction act, and loops.
+
+    Gaps of loops go to zero by themselves, but not at once: what a solver leaves open stays within its tolerance.
 
     Args:
         rig: the rig.
@@ -104,8 +114,9 @@ def first_order(rig: Rig, control=None, external=None, gravity: ArrayLike = GRAV
         external: wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6) [N, N m], or
             such a function.
         gravity: acceleration of free fall, in the world, shape (3,) [m/s²].
+        loops: what closes the rig; None for its own. Not ropes.
 
     Raises:
-        ValueError: an array does not fit the rig or is not finite.
+        ValueError: an array or a loop does not fit the rig, or an array is not finite.
     """
-    return FirstOrder(rig, control, external, gravity)
+    return FirstOrder(rig, control, external, gravity, loops)

@@ -1,4 +1,4 @@
-"""What acts on a rig during a step, and what it does to a smooth motion: acceleration and power."""
+"""What acts on a rig during a step, and what it does to a smooth motion."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 from articulated.dynamics.configuration import difference
 from articulated.dynamics.forward_dynamics import forward_dynamics
 from articulated.dynamics.kinematics import link_velocities
+from articulated.dynamics.loops.constrained import Constrained, constrained
+from articulated.dynamics.loops.factor import Redundancy
 from articulated.dynamics.mechanism import Mechanism
 from articulated.dynamics.passive import passive_forces
 from articulated.scalar import Scalar
@@ -50,13 +52,39 @@ class Forces:
         return [away[s] for s in self.scene.drives.coordinates]
 
 
-def acceleration_and_power(q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> tuple[list[Scalar], Scalar]:
-    """v̇ under these forces, the joints' own damping and friction, and what the scene gives; the power of all but weight."""
-    mechanism = forces.mechanism
+@dataclass(frozen=True, eq=False)
+class Rate:
+    """How velocities change at one moment.
+
+    Attributes:
+        a: v̇.
+        power: of all forces but weight and those of loops, which do no work.
+        pulls: forces of loops, a row each.
+        looped: the system that gave them, if there are loops.
+    """
+
+    a: list[Scalar]
+    power: Scalar
+    pulls: list[Scalar]
+    looped: Constrained | None
+
+
+def rate(
+    q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces, known: Redundancy | None = None, closing: float = 0.0
+) -> Rate:
+    """v̇ under these forces, the joints' own damping and friction, what the scene gives, and loops.
+
+    `known`: how rows of loops repeat each other where they are closed, if it is only near there. `closing`: see `constrained`.
+    """
+    m, loops = forces.mechanism, forces.scene.loops
     given = compliance(forces.scene, forces.numbers, q, v, forces.errors(q), forces.tables)
-    tau = [a + b + c for a, b, c in zip(forces.tau, passive_forces(mechanism, v), given.tau, strict=True)]
-    a = forward_dynamics(mechanism, q, v, tau, forces.gravity, forces.external, on_bodies=given.on_bodies)
-    return a, dot(tau, v) + given.power + external_power(mechanism, q, v, forces)
+    tau = [a + b + c for a, b, c in zip(forces.tau, passive_forces(m, v), given.tau, strict=True)]
+    power = dot(tau, v) + given.power + external_power(m, q, v, forces)
+    if not loops:
+        a = forward_dynamics(m, q, v, tau, forces.gravity, forces.external, given.on_bodies)
+        return Rate(a, power, given.pulls, None)
+    looped = constrained(m, loops, q, v, tau, forces.gravity, forces.external, given.on_bodies, closing, known)
+    return Rate(looped.a, power, [*looped.forces, *given.pulls], looped)
 
 
 def external_power(mechanism: Mechanism, q: Sequence[Scalar], v: Sequence[Scalar], forces: Forces) -> Scalar:

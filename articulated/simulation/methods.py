@@ -7,9 +7,10 @@ implicit step a `Standing`.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from articulated.dynamics.loops.constrained import closed_state
 from articulated.scalar import Scalar, flatten, rebuilt, repeat, where
 from articulated.simulation import dopri5
 from articulated.simulation.forces import Forces
@@ -70,11 +71,11 @@ class Fixed:
 
     def begin(self, scene: Scene, start: Point, h: Scalar) -> Motion:
         """The motion that starts at a point; complete once it is `resumed`."""
-        return start
+        return replace(start, pulls=[0.0] * len(scene.rows))
 
     def remembers(self, scene: Scene) -> int:
         """How many numbers it carries from one `Simulation.step` to the next, besides q, v and work."""
-        return 0
+        return len(scene.rows)
 
     def resumed(self, motion: Motion, forces: Forces) -> Motion:
         """The motion under new forces."""
@@ -94,7 +95,7 @@ class Fixed:
 
     def shown(self, motion: Motion) -> dict[str, Any]:
         """What is recorded of the last step, besides where it led."""
-        return {}
+        return {"loop_forces": motion.pulls}
 
 
 class Implicit(Fixed):
@@ -107,13 +108,15 @@ class Implicit(Fixed):
         return len(flatten(unmoved(scene)))
 
     def at(self, scene: Scene, motion: Standing, t: Scalar) -> Point:
-        return Point(motion.q, motion.v, motion.work)
+        return Point(motion.q, motion.v, motion.work, motion.stance.pulls)
 
     def shown(self, motion: Standing) -> dict[str, Any]:
         return {
             "before": motion.stance.before,
             "contact_forces": motion.stance.contact_forces,
             "efforts": motion.stance.efforts,
+            "loop_forces": motion.stance.pulls,
+            "carry": motion.stance.carry,
         }
 
 
@@ -126,7 +129,7 @@ class Adaptive(Fixed):
         """There is nothing to choose."""
 
     def begin(self, scene: Scene, start: Point, h: Scalar) -> Motion:
-        return dopri5.begin(start, h)
+        return dopri5.begin(super().begin(scene, start, h), h, [closure.size for closure in scene.loops])
 
     def resumed(self, motion: Motion, forces: Forces) -> Motion:
         return dopri5.restarted(motion, forces)
@@ -142,8 +145,13 @@ class Adaptive(Fixed):
 
     def at(self, scene: Scene, motion: Motion, t: Scalar) -> Point:
         point = dopri5.interpolated(scene.mechanism, motion, t)
+        if scene.loops:
+            point = replace(point, **dict(zip("qv", closed_state(scene.mechanism, scene.loops, point.q, point.v), strict=True)))
         q, v, work = ([where(motion.t < t, float("nan"), x) for x in flatten(part)] for part in (point.q, point.v, point.work))
-        return Point(q, v, work[0])
+        return Point(q, v, work[0], point.pulls)
+
+    def shown(self, motion: Motion) -> dict[str, Any]:
+        return {"loop_forces": motion.at.pulls}
 
     def reached(self, motion: Motion) -> list[Scalar]:
         return [motion.t, motion.failed]

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from articulated.dynamics.functions import kinetic_energy, potential_energy
+from articulated.dynamics.loops.functions import gaps
 from articulated.simulation.contact.sensing import contact_geometry, contact_links
 from articulated.simulation.implicit.energy import solved_kinetic_energy
 from articulated.simulation.rollout import Rollout
@@ -35,7 +36,8 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
     sound_v = np.where(finite[..., None], v, 0.0)
     shown = dict(zip(rollout.shown, arrays[3:], strict=True))
     if "before" in shown and rig.nv:
-        kinetic = solved_kinetic_energy(rig, sound_q, sound_v, shown["before"][..., 0].astype(float, copy=False))
+        solved_v = sound_v + np.where(finite[..., None], shown.get("carry", 0.0), 0.0)
+        kinetic = solved_kinetic_energy(rig, sound_q, solved_v, shown["before"][..., 0].astype(float, copy=False))
     else:
         kinetic = kinetic_energy(rig, sound_q, sound_v)
     kinetic = np.where(finite, kinetic, np.nan)
@@ -73,6 +75,9 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         contact_normals=geometry[..., 3:6],
         contact_gaps=geometry[..., 6],
         contact_forces=forces.reshape(*q.shape[:-1], n, 3).astype(float, copy=False),
+        loop_rows=tuple(scene.rows),
+        loop_gaps=gaps(rig, (*scene.loops, *scene.ropes), sound_q, None),
+        loop_forces=shown.get("loop_forces", np.zeros((*q.shape[:-1], 0))).astype(float, copy=False),
         residual=rollout.residual(),
     )
     for outcome, count in trajectory.report.outcomes.items():

@@ -154,7 +154,9 @@ class Rollout:
         if self.method.interpolates:
             given = [Argument("motion", motion, motion.shape[-1:]), Argument("t", t, ())]
             options = {"watched": False, "integrator": self.world.integrator}
-            motion = call(self.rig, _interpolated, given, (nq + nv + 1,), None, self.threads, **options)
+            options |= {"loops": self.scene.loops, "ropes": self.scene.ropes}
+            size = nq + nv + 1 + len(self.scene.rows)
+            motion = call(self.rig, _interpolated, given, (size,), None, self.threads, **options)
         self._shared = True
         return State.of(t, motion, nq, nv)
 
@@ -385,10 +387,10 @@ def _pieces(periods: int, substeps: int) -> Iterator[tuple[int, int, int]]:
         yield from ((k, 1, min(_TOGETHER, substeps - n)) for n in range(0, substeps, _TOGETHER))
 
 
-def _interpolated(m: Mechanism, motion: Nested, t: Scalar, integrator: str) -> Nested:
-    method, scene = INTEGRATORS[integrator], Scene(m.rig)
+def _interpolated(m: Mechanism, motion: Nested, t: Scalar, integrator: str, **loops: Any) -> Nested:
+    method, scene = INTEGRATORS[integrator], Scene(m.rig, **loops)
     point = method.at(scene, rebuilt(layout(scene, integrator), iter(motion)), t)
-    return point.q, point.v, point.work
+    return point.q, point.v, point.work, point.pulls
 
 
 def _point(m: Mechanism, scalars: list[Scalar]) -> Point:

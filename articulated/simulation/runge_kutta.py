@@ -7,12 +7,18 @@ quaternions their length. Hairer, Lubich, Wanner, Geometric Numerical Integratio
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 from articulated.dynamics.configuration import integrate, step_rate
+from articulated.dynamics.loops.constrained import Constrained, rows_at
+from articulated.dynamics.loops.factor import Redundancy
 from articulated.dynamics.mechanism import Mechanism
+from articulated.dynamics.tree import in_world
 from articulated.scalar import Scalar, is_zero
-from articulated.simulation.forces import Forces, acceleration_and_power
+from articulated.simulation.forces import Forces, rate
+
+_AFAR = 3
+"""Corrections after a step whose last stage was not at its end."""
 
 
 @dataclass(frozen=True)
@@ -30,28 +36,56 @@ RK4 = Tableau(((), (1 / 2,), (0.0, 1 / 2), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 
 
 @dataclass(frozen=True, eq=False)
 class Point:
-    """Where a motion is: configuration, velocity, and the work done on it so far by all forces but weight."""
+    """Where a motion is.
+
+    Attributes:
+        q, v: configuration and velocity.
+        work: done on it so far by all forces but weight.
+        pulls: forces of loops as the last step began, a row each.
+    """
 
     q: list[Scalar]
     v: list[Scalar]
     work: Scalar
+    pulls: list[Scalar] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
 class Slope:
-    """Rates of the step from q0, of the velocity and of the work."""
+    """Rates of the step from q0, of the velocity and of the work; forces of loops, and how their rows repeat each other."""
 
     step: list[Scalar]
     v: list[Scalar]
     work: Scalar
+    pulls: list[Scalar] = field(default_factory=list)
+    redundancy: Redundancy | None = None
 
 
 def runge_kutta_step(tableau: Tableau, start: Point, forces: Forces, h: Scalar) -> Point:
     """One step of length h."""
     slopes: list[Slope] = []
+    looped = None
     for row in tableau.a:
-        slopes.append(stage(start, row, slopes, forces, h))
-    return moved(forces.mechanism, start, tableau.b, slopes, h)[1]
+        slope, looped = stage(start, row, slopes, forces, h)
+        slopes.append(slope)
+    end = moved(forces.mechanism, start, tableau.b, slopes, h)[1]
+    return end if looped is None else closed(forces, end, looped, 1 if sum(tableau.a[-1]) == 1.0 else _AFAR)
+
+
+def closed(forces: Forces, end: Point, looped: Constrained, corrections: int = 1) -> Point:
+    """The nearest point, by kinetic energy, with loops closed and velocities that keep them so.
+
+    The linear system is that of the last stage: if it was not at the end of the step, several corrections are needed.
+    """
+    m, loops, q, speeds = forces.mechanism, forces.scene.loops, end.q, []
+    for _ in range(corrections):
+        now, rows = rows_at(m, loops, q)
+        v = in_world(now, end.v)
+        V = now.velocities(v)
+        speeds = [line.speed(V, v) for line in rows]
+        q = integrate(m, q, looped.projected([-line.gap for line in rows]))
+    dv = looped.projected([-x for x in speeds])
+    return replace(end, q=q, v=[a + b for a, b in zip(end.v, dv, strict=True)])
 
 
 def stage(
@@ -60,11 +94,13 @@ def stage(
     slopes: Sequence[Slope],
     forces: Forces,
     h: Scalar,
-) -> Slope:
-    """The slope at the stage that these earlier slopes, so weighted, lead to."""
+) -> tuple[Slope, Constrained | None]:
+    """The slope at the stage that these earlier slopes, so weighted, lead to; and the system of its loops, if there are any."""
     step, at = moved(forces.mechanism, start, row, slopes, h)
-    rate = at.v if step is None else step_rate(forces.mechanism, step, at.v)
-    return Slope(rate, *acceleration_and_power(at.q, at.v, forces))
+    along = at.v if step is None else step_rate(forces.mechanism, step, at.v)
+    there = rate(at.q, at.v, forces, slopes[0].redundancy if slopes else None)
+    redundancy = None if there.looped is None else there.looped.sweep.redundancy
+    return Slope(along, there.a, there.power, there.pulls, redundancy), there.looped
 
 
 def moved(
@@ -77,4 +113,4 @@ def moved(
     step = [h * sum(w * k.step[n] for w, k in weighted) for n in range(mechanism.nv)]
     v = [x + h * sum(w * k.v[n] for w, k in weighted) for n, x in enumerate(start.v)]
     work = start.work + h * sum(w * k.work for w, k in weighted)
-    return step, Point(integrate(mechanism, start.q, step), v, work)
+    return step, Point(integrate(mechanism, start.q, step), v, work, slopes[0].pulls)

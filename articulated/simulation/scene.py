@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
 from articulated.compiler import evaluate
+from articulated.dynamics.loops.closure import Closure, lines
+from articulated.dynamics.loops.constrained import jacobian_rows
 from articulated.dynamics.mass_matrix import mass_matrix
 from articulated.dynamics.mechanism import Mechanism, TreeJoint, content, mechanism
 from articulated.dynamics.tree import Tree, tree
@@ -66,6 +68,8 @@ class Scene:
         rebounds: whether any material has a restitution.
         stops: whether joint limits are stops.
         drives: what moves joints, or None.
+        loops: what closes the rig.
+        ropes: loops that only ever pull.
     """
 
     rig: Rig
@@ -77,6 +81,8 @@ class Scene:
     rebounds: bool = False
     stops: bool = False
     drives: Drives | None = None
+    loops: tuple[Closure, ...] = ()
+    ropes: tuple[Closure, ...] = ()
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -90,19 +96,20 @@ class Scene:
         parts = surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
         limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
-        return repr((*parts, self.drives, limits)).encode() + content(self.rig)
+        return repr((*parts, self.drives, limits, self.loops, self.ropes)).encode() + content(self.rig)
 
     @property
     def is_one_sided(self) -> bool:
         """Whether a step is more than a linear system."""
         limited = self.drives is not None and self.drives.limited
-        return bool(self.touches or self.stopped or self.cones or limited or any(self.mechanism.friction))
+        return bool(self.touches or self.stopped or self.cones or self.ropes or limited or any(self.mechanism.friction))
 
     @property
     def is_stiff(self) -> bool:
         """Whether anything in it is that an explicit method may not get over."""
         m = self.mechanism
-        return bool(self.touches or self.stopped or self.cones or self.drives or any(m.damping) or any(m.friction))
+        one_sided = self.touches or self.stopped or self.cones or self.ropes
+        return bool(one_sided or self.drives or any(m.damping) or any(m.friction))
 
     @property
     def tables(self) -> list[np.ndarray]:
@@ -167,6 +174,22 @@ class Scene:
             for column, s in zip(now.S[i], m.joints[i].v, strict=True):
                 J[:, s] += np.array(list(column.linear)) + np.cross(list(column.angular), r)
         return float(np.linalg.norm(np.diag(J @ self._inverse_mass @ J.T)) / np.sqrt(3.0))
+
+    def rope_felt(self, rope: Closure) -> float:
+        """Likewise between the ends of a rope, on average over directions [1/kg]."""
+        q, point = self.rig.neutral().tolist(), replace(rope, kind="point", one_sided=False)
+        J = np.array(jacobian_rows(self._neutral, lines(self._neutral, q, [point])))
+        return float(np.trace(J @ self._inverse_mass @ J.T) / 3.0)
+
+    @property
+    def sizes(self) -> list[int]:
+        """How many rows each loop has, ropes last."""
+        return [closure.size for closure in (*self.loops, *self.ropes)]
+
+    @property
+    def rows(self) -> list[str]:
+        """A name for each row of loops, ropes' last."""
+        return [label for closure in (*self.loops, *self.ropes) for label in closure.labels]
 
     def joint_felt(self, coordinates: Sequence[int]) -> float:
         """Likewise along coordinates of a joint [1/kg or 1/(kg m²)]."""

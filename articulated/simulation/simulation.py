@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, checked
-from articulated.rig import Rig
+from articulated.dynamics.loops.functions import closed, gaps
+from articulated.rig import Loop, Rig
 from articulated.scalar import flatten
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
@@ -24,6 +25,9 @@ from articulated.simulation.recording import trajectory_of
 from articulated.simulation.rollout import Plan, Rollout, Signals, World
 from articulated.simulation.state import State
 from articulated.trajectory import Trajectory
+
+_OPEN = 1e-3
+"""A loop may be so far open at the start [m, rad]: digits that were cut. It is closed then."""
 
 Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
 
@@ -46,6 +50,7 @@ class Simulation:
             None takes all links that move. What a step takes grows with their number.
         limits: whether joint limits are stops, or what stops they are.
         actuation: drives of its joints; then a control is the configuration that they hold to.
+        loops: what closes the rig besides its joints; None for what it came with. A rope makes the rig one with stops.
         integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5"
             (5, adaptive: each state has its own steps). None takes rk4 for a rig that swings freely, and semi_implicit for one
             with ground, limits, drives, damping or friction.
@@ -66,6 +71,7 @@ class Simulation:
     contact_points: Sequence[ContactPoint | str] | None = None
     limits: Stops | bool = True
     actuation: PD | None = None
+    loops: Sequence[Loop] | None = None
     integrator: str | None = None
     substeps: int = 1
     tolerance: float = 1e-4
@@ -94,7 +100,7 @@ class Simulation:
             raise ValueError(f"gravity has shape {gravity.shape}; expected (3,)")
         check_threads(self.threads)
         scene, like, numbers = described(
-            self.rig, self.ground, self.contact_points, self.limits, self.actuation, self.tolerance
+            self.rig, self.ground, self.contact_points, self.limits, self.actuation, self.tolerance, self.loops
         )
         method = self.integrator or ("semi_implicit" if scene.is_stiff else "rk4")
         object.__setattr__(self, "integrator", method)
@@ -112,13 +118,14 @@ class Simulation:
             state = simulation.reset(q0, v0, state, where=fallen)
 
         Args:
-            q: configurations, shape (..., nq); None is the neutral one. float32, with v, makes all that follows float32.
-            v: generalized velocities, shape (..., nv); None is rest.
+            q: configurations, shape (..., nq), with loops closed to a millimetre; None is the neutral one. float32, with v,
+                makes all that follows float32.
+            v: generalized velocities, shape (..., nv); None is rest. Of these, what would open loops is left out.
             state: the batch under way.
             where: which of its states begin anew, booleans of its leading shape.
 
         Raises:
-            ValueError: an array does not fit the rig, is not finite, or a quaternion is not of unit length.
+            ValueError: an array does not fit the rig, is not finite, a quaternion is not of unit length, or loops are open.
         """
         rig = self.rig
         q = checked(rig, Argument("q0", rig.neutral() if q is None else q, (rig.nq,), role="q"))
@@ -128,10 +135,27 @@ class Simulation:
         except ValueError:
             raise ValueError(f"leading axes do not broadcast: q0 {q.shape}, v0 {v.shape}") from None
         dtype = np.float32 if q.dtype == v.dtype == np.float32 else np.float64
+        q, v = self._closed(q, v) if self._world.scene.rows else (q, v)
+        batch = q.shape[:-1] if self._world.scene.rows else batch
         remembered = INTEGRATORS[self._world.integrator].remembers(self._world.scene)
         new = State.of(0.0, np.zeros((*batch, rig.nq + rig.nv + 1 + remembered), dtype), rig.nq, rig.nv)
         new.q[...], new.v[...] = q, v
         return new if state is None else _partly(new, state, where)
+
+    def _closed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The closed states nearest to some."""
+        scene, rig = self._world.scene, self.rig
+        if not scene.loops:
+            return q, v
+        gap = np.abs(gaps(rig, scene.loops, q, self.threads)).max(initial=0.0, axis=tuple(range(q.ndim - 1)))
+        if (gap > _OPEN).any():
+            worst = int(np.argmax(gap))
+            raise ValueError(
+                f"q0 leaves {int((gap > _OPEN).sum())} rows of loops open, {scene.rows[worst]} by {gap[worst]:.3g} m or rad;"
+                " give it a closed configuration: art.assemble(rig, loops, q_guess) finds one"
+            )
+        same = closed(rig, scene.loops, q, v, self.threads)
+        return same[..., : rig.nq], same[..., rig.nq :]
 
     def step(self, state: State, control: Control = None, external: Control = None) -> State:
         """One control period, `substeps` steps of `dt`, on.
@@ -212,6 +236,12 @@ class Simulation:
         forces = state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 3 * n))
         forces = forces.reshape(*state.work.shape, n, 3)
         return Contacts(contact_links(scene), geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)
+
+    def loop_forces(self, state: State) -> np.ndarray:
+        """How loops pulled in the last step, a row each, ropes' last, shape (..., m) [N, N m]; see `Loop.rows`."""
+        shown = INTEGRATORS[self._world.integrator].shown(self._world.layout)
+        part = np.array(shown["loop_forces"], dtype=int) - (self.rig.nq + self.rig.nv + 1)
+        return state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 0))
 
     def residual(self, state: State) -> np.ndarray:
         """The largest that the solver has left in any step so far, shape (...) [m/s]; zeros for methods that do not solve."""

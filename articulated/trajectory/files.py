@@ -19,7 +19,7 @@ from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
 from articulated.trajectory.trajectory import PER_STATE, Trajectory
 
-FORMAT = 2
+FORMAT = 3
 """Version of the .npz layout."""
 
 _ARRAYS = ("time", *PER_STATE)
@@ -30,7 +30,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     if Path(path).suffix != ".npz":
         raise ValueError(f"{os.fspath(path)!r} does not end in .npz; use export for other formats")
     about = {"format": FORMAT, "root": trajectory.rig.root, "settings": trajectory.settings}
-    about["contact_links"] = list(trajectory.contact_links)
+    about |= {"contact_links": list(trajectory.contact_links), "loop_rows": list(trajectory.loop_rows)}
     arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
     with written(path, "wb") as file:
         np.savez_compressed(file, about=json.dumps(about), rig=trajectory.rig.to_urdf(), **arrays)
@@ -44,7 +44,7 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
             about = json.loads(str(data["about"]))
             later, root, settings = about["format"] > FORMAT, about["root"], about["settings"]
             content = {key: data[key] for key in ("rig", *(name for name in _ARRAYS if name in data))}
-            contact_links = tuple(map(str, about.get("contact_links", ())))
+            contact_links, loop_rows = (tuple(map(str, about.get(name, ()))) for name in ("contact_links", "loop_rows"))
         if not later:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RigWarning)  # all was said when the rig was first loaded
@@ -56,22 +56,22 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     if later:
         raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
     try:
-        arrays = _complete(content, rig, len(contact_links))
+        arrays = _complete(content, rig, len(contact_links), len(loop_rows))
     except KeyError as error:
         raise ValueError(f"{name} is not a trajectory, or is damaged (no {error})") from None
     except ValueError as error:
         raise ValueError(f"{name} is damaged: {error}") from None
-    return Trajectory(rig=rig, settings=settings, contact_links=contact_links, **arrays)
+    return Trajectory(rig=rig, settings=settings, contact_links=contact_links, loop_rows=loop_rows, **arrays)
 
 
-def _complete(content: dict[str, np.ndarray], rig: Rig, contacts: int) -> dict[str, np.ndarray]:
-    """The arrays of a file, with what the first format did not have yet."""
+def _complete(content: dict[str, np.ndarray], rig: Rig, contacts: int, rows: int) -> dict[str, np.ndarray]:
+    """The arrays of a file, with what earlier formats did not have yet."""
     arrays = {"time": content["time"]}
     batch = content["outcome"].shape
-    sizes = {"T": len(content["time"]), "nq": rig.nq, "nv": rig.nv, "n": contacts, "3": 3}
+    sizes = {"T": len(content["time"]), "nq": rig.nq, "nv": rig.nv, "n": contacts, "m": rows, "3": 3}
     for name, shape in PER_STATE.items():
         wanted = (*batch, *(sizes[axis] for axis in shape.split()))
-        absent = name.startswith("contact_") or name == "residual"
+        absent = name.startswith(("contact_", "loop_")) or name == "residual"
         arrays[name] = content[name] if name in content or not absent else np.zeros(wanted)
         if arrays[name].shape != wanted:
             raise ValueError(f"{name} has shape {arrays[name].shape}")

@@ -24,6 +24,9 @@ PENETRATION = 1e-2
 RESIDUAL = 1e3
 """The solver may miss its tolerance in a step by this factor: an impact that it did not get to the end of."""
 
+GAP = 1e-5
+"""How far a loop may be open [m, rad]."""
+
 _DEEP = "it started inside the ground, or the ground is soft: raise its stiffness, or lift the start"
 _UNSOLVED = "an impact was not solved to the end: take a smaller dt"
 
@@ -128,6 +131,8 @@ def certify(run: Trajectory) -> Report:
     ]
     if run.contact_links:
         checks.append(Check("penetration", float((-run.contact_gaps).max(initial=0.0)), PENETRATION, "m", _DEEP))
+    if run.loop_rows:
+        checks.append(_largest_gap(run))
     if (tolerance := run.settings.get("tolerance")) is not None:
         allowed = RESIDUAL * float(tolerance)
         checks.append(Check("solver residual", float(run.residual.max(initial=0.0)), allowed, "m/s", _UNSOLVED))
@@ -141,6 +146,15 @@ def _energy_drift(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray) 
         exchanged = np.maximum(kinetic, np.abs(potential - potential[..., :1])).max(axis=-1)
         relative = np.where(drift.max(axis=-1) == 0.0, 0.0, drift.max(axis=-1) / exchanged)
     return float(relative.max(initial=0.0))
+
+
+def _largest_gap(run: Trajectory) -> Check:
+    """Of all loops; and which rows are open, if any is too far. A rope is open where it is too long, by what stops give way."""
+    ropes = np.array([row.endswith(": rope") for row in run.loop_rows])
+    gaps = np.where(ropes, 0.0, np.abs(run.loop_gaps)).max(initial=0.0, axis=tuple(range(run.loop_gaps.ndim - 1)))
+    rows = [run.loop_rows[k] for k in np.argsort(-gaps) if not gaps[k] <= GAP]
+    remedy = f"these rows cannot hold together, or the steps are too long for them: {'; '.join(rows)}"
+    return Check("loop gap", float(gaps.max(initial=0.0)), GAP, "m or rad", remedy)
 
 
 def _norm_drift(rig: Rig, q: np.ndarray) -> float:

@@ -22,6 +22,8 @@ PER_STATE = {
     "contact_normals": "T n 3",
     "contact_gaps": "T n",
     "contact_forces": "T n 3",
+    "loop_gaps": "T m",
+    "loop_forces": "T m",
     "residual": "",
 }
 """The arrays that each state has its own of, and their shapes."""
@@ -46,6 +48,10 @@ class Trajectory:
         contact_normals: of the ground there, shape (..., T, n, 3).
         contact_gaps: their distance from the ground, negative inside, shape (..., T, n) [m].
         contact_forces: of the ground on them over the step before each frame, in the world, shape (..., T, n, 3) [N].
+        loop_rows: a name for each row of each loop, (m,), ropes' last; none if there are no loops.
+        loop_gaps: how far they are from closed, shape (..., T, m) [m, or about rad]; a rope's is how much it is too long.
+        loop_forces: of loops over the step before each frame, on B's link, and their opposite on A's, shape (..., T, m)
+            [N, N m]; see `Loop.rows`.
         residual: the largest that the solver left in any step, of each state, shape (...) [m/s].
         settings: how it was made: integrator, dt and so on.
     """
@@ -65,6 +71,9 @@ class Trajectory:
     contact_normals: np.ndarray
     contact_gaps: np.ndarray
     contact_forces: np.ndarray
+    loop_rows: tuple[str, ...]
+    loop_gaps: np.ndarray
+    loop_forces: np.ndarray
     residual: np.ndarray
 
     def __repr__(self) -> str:

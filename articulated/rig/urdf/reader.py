@@ -1,7 +1,8 @@
 """URDF, versions 1.0 to 1.2, read strictly: every error names file, line and element.
 
 Beyond the standard: joint types `ball` (also called `spherical`) and `universal` (`<axis>` and a second `<axis2>`), and an
-`armature` beside damping and friction in `<dynamics>`. Read with lxml: yourdfpy keeps neither lines nor these additions.
+`armature` beside damping and friction in `<dynamics>`; closed loops, see `constraints`. Read with lxml: yourdfpy keeps neither
+lines nor these additions.
 """
 
 from __future__ import annotations
@@ -17,16 +18,17 @@ from lxml import etree
 
 from articulated.rig.builder import RigBuilder
 from articulated.rig.errors import Place, RigError
-from articulated.rig.frames import pose_of
 from articulated.rig.joint import ALIASES, Limits, Mimic
 from articulated.rig.shapes import PLAIN_SHAPES, Box, Capsule, Cylinder, Geometry, Mesh, Shape, Sphere
 from articulated.rig.urdf import files
+from articulated.rig.urdf.constraints import BALL, read_constraints
+from articulated.rig.urdf.origin import origin_of
 from articulated.rig.urdf.xml import Node, parse
 
 Color = tuple[float, float, float, float]
 
 _MEANINGFUL = {
-    "robot": {"link", "joint", "material"},
+    "robot": {"link", "joint", "material", "constraint", BALL},
     "link": {"inertial", "collision", "visual"},
     "joint": {"origin", "parent", "child", "axis", "axis2", "limit", "dynamics", "mimic"},
 }
@@ -82,6 +84,7 @@ class _Reader:
             self._link(link)
         for joint in joints:
             self._joint(joint)
+        read_constraints(self.robot, self.builder)
         if self.missing:
             names = ", ".join(self.missing)
             place = next(iter(self.missing.values()))
@@ -129,7 +132,7 @@ class _Reader:
         mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))
         if inertial := node.child("inertial"):
             mass = inertial.need("mass").number("value")
-            pose = self._pose(inertial)
+            pose = origin_of(inertial)
             moments = inertial.need("inertia")
             xx, xy, xz, yy, yz, zz = (moments.number(key) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
             R = pose[:3, :3]
@@ -153,7 +156,7 @@ class _Reader:
         if material:
             own = material.child("color")
             color = self._rgba(own) if own else self.colors.get(material.text("name") or "")
-        return Shape(self._geometry(node.need("geometry")), self._pose(node), node.text("name") or "", color)
+        return Shape(self._geometry(node.need("geometry")), origin_of(node), node.text("name") or "", color)
 
     def _geometry(self, node: Node) -> Geometry:
         found = list(node.element.iterchildren(etree.Element))
@@ -190,7 +193,7 @@ class _Reader:
             kind,
             node.need("parent").need_text("link"),
             node.need("child").need_text("link"),
-            pose=self._pose(node),
+            pose=origin_of(node),
             axis=axis.numbers("xyz", 3) if axis else (1.0, 0.0, 0.0),
             axis2=axis2.numbers("xyz", 3) if axis2 else None,
             limits=self._limits(node, kind),
@@ -220,14 +223,6 @@ class _Reader:
             lower, upper = -math.inf, math.inf
         rates = {key: limit.number(key, math.inf) for key in ("velocity", "acceleration", "deceleration", "jerk")}
         return Limits(lower, upper, limit.number("effort", math.inf), **rates)
-
-    def _pose(self, node: Node) -> np.ndarray:
-        origin = node.child("origin")
-        if origin is None:
-            return np.eye(4)
-        quat = origin.numbers("quat_xyzw", 4) if origin.text("quat_xyzw") else None
-        rpy = origin.numbers("rpy", 3) if origin.text("rpy") else None
-        return pose_of(origin.place, np.array(origin.numbers("xyz", 3, (0.0, 0.0, 0.0))), rpy, quat)
 
     def _rgba(self, node: Node) -> Color:
         r, g, b, a = node.numbers("rgba", 4)

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from lxml import etree
 
+from articulated.rig.errors import Place
 from articulated.rig.joint import Joint
 from articulated.rig.shapes import Box, Mesh, Shape, Sphere
+from articulated.rig.urdf.constraints import add_constraints
 
 if TYPE_CHECKING:
     from articulated.rig.rig import FixedJoint, Link, Rig
@@ -28,6 +30,9 @@ def urdf_text(rig: Rig) -> str:
         joint = hangs_by.get(link.name)
         if joint is not None and joint.parent:
             _add_joint(robot, joint)
+    if lost := add_constraints(robot, rig, _add_origin):
+        names = ", ".join(map(repr, lost))
+        Place(rig.name).warn(f"URDF has no constraint for loops {names}", "add them again with RigBuilder.loop or loops=[…]")
     return etree.tostring(robot, pretty_print=True, encoding="unicode")
 
 
@@ -86,9 +91,9 @@ def _add_joint(robot: etree._Element, joint: Joint | FixedJoint) -> None:
         etree.SubElement(element, "mimic", {"joint": joint.mimic.joint, **numbers})
 
 
-def _add_origin(parent: etree._Element, pose: np.ndarray) -> None:
+def _add_origin(parent: etree._Element, pose: np.ndarray, tag: str = "origin") -> None:
     if np.any(pose != np.eye(4)):
-        etree.SubElement(parent, "origin", {"xyz": _words(pose[:3, 3]), **_orientation(pose[:3, :3])})
+        etree.SubElement(parent, tag, {"xyz": _words(pose[:3, 3]), **_orientation(pose[:3, :3])})
 
 
 def _orientation(R: np.ndarray) -> dict[str, str]:

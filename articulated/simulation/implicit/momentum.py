@@ -7,7 +7,6 @@ turns fast and weighs little. To first order this is M v − h C(q, v) v.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 from articulated.dynamics.configuration import integrate
@@ -38,13 +37,11 @@ class Past:
     @staticmethod
     def of(now: Tree, start: Standing) -> Past:
         """The step that led to where a motion is."""
-        mechanism, v, w, h, shift = now.mechanism, start.v, start.v, start.stance.before, start.stance.shift
-        if shift:
-            w = [a + b for a, b in zip(v, shift, strict=True)]
+        mechanism, v, w, h = now.mechanism, start.carried, start.moved, start.stance.before
         before = tree(mechanism, integrate(mechanism, start.q, [-(h * x) for x in w]))
         # a free root's velocity is the same in world axes a step ago
         V = before.velocities(in_world(now, v))
-        return Past(before, V, before.velocities(in_world(now, w)) if shift else V, h)
+        return Past(before, V, before.velocities(in_world(now, w)) if start.stance.shift else V, h)
 
     def strayed(self, now: Tree, body: int, point: Vec3) -> Vec3:
         """How far a point of a body, in its axes, has come besides what its velocity was: the sag of its arc."""
@@ -77,15 +74,3 @@ def momenta(now: Tree, past: Past, forces: Forces, h: Scalar) -> list[Force]:
             linear, couple = Vec3.of(wrench[:3]) * h, Vec3.of(wrench[3:]) * h
             F[i] = F[i] + force_at(now.X[i].transform_point(X_BL.p), linear, couple)
     return F
-
-
-def along_coordinates(now: Tree, F: Sequence[Force]) -> list[Scalar]:
-    """Σ Sᵀ F over each coordinate's subtree."""
-    mechanism, total = now.mechanism, list(F)
-    p: list[Scalar] = [0.0] * mechanism.nv
-    for i in reversed(range(mechanism.nbodies)):
-        for column, s in zip(now.S[i], mechanism.joints[i].v, strict=True):
-            p[s] = p[s] + column.dot(total[i])
-        if (parent := mechanism.parent[i]) != WORLD:
-            total[parent] = total[parent] + total[i]
-    return p

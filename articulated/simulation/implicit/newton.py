@@ -1,5 +1,7 @@
 """The solver of a step: minimise ½ (v − v*)ᵀ A (v − v*) + Σ ℓ(u), u = J v, over the velocity v at the end of the step.
 
+Of all v that keep loops closed, that is: with these, too, every step is linear, and the line search need not know of them.
+
 Newton's method, whose linear system is one sweep of the articulated-body algorithm. The first sweeps bound the slope of
 friction (θ = 0: it cannot overshoot), and find how hard contacts push, which is how hard they can rub; then that stays.
 
@@ -17,10 +19,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
+from articulated.dynamics.sweep import Sweep
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, given, repeat, where
 from articulated.simulation.implicit.line import Way
-from articulated.simulation.implicit.sweep import Sweep
 from articulated.simulation.implicit.terms import Contact
 from articulated.simulation.implicit.values import Terms, Three, Values, between
 from articulated.spatial import Vec3
@@ -40,6 +42,7 @@ class Iterate:
     Attributes:
         k: how many sweeps so far.
         v: velocities of the coordinates that move with the load.
+        pulls: impulses of loops with which A v − p = −Jᵀ y, too.
         u, y: velocities and impulses of the terms.
         limits: of the contacts' friction cones.
         error: Σ ‖g(u) − y‖², weighted, over the rig's mass [m²/s²].
@@ -47,6 +50,7 @@ class Iterate:
 
     k: Scalar
     v: list[Scalar]
+    pulls: list[Scalar]
     u: Values
     y: Values
     limits: list[Scalar]
@@ -66,10 +70,10 @@ def begin(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar]) -> Iterate
 
     limits = [x for (x,) in terms.near(limit, 1)]
     none = Values([[0.0] * 3 for _ in terms.contacts], [0.0] * len(terms.joints))
-    return Iterate(0.0, [v[s] for s in sweep.moving], u, none, limits, _FAR)
+    return Iterate(0.0, [v[s] for s in sweep.moving], [0.0] * len(sweep.lines), u, none, limits, _FAR)
 
 
-def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: Scalar) -> Iterate:
+def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: Scalar, bend: Sequence[Scalar] = ()) -> Iterate:
     """The solution, or the best that so many sweeps find.
 
     Args:
@@ -78,15 +82,18 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
         start: where to start.
         mass: of the rig.
         tolerance: of the residual, √error [m/s].
+        bend: velocities of the rows of loops.
     """
     if not (terms.contacts or terms.joints):
-        return replace(start, error=0.0)
+        v, _, pulls = sweep.solve(sweep.unloaded(), bend)
+        return replace(start, v=[v[s] for s in sweep.moving], pulls=pulls, error=0.0)
 
     def turn(at: Iterate) -> Iterate:
-        v, way = _whole_step(sweep, terms, at)
+        v, pulls, way = _whole_step(sweep, terms, at, bend)
         alpha, square = way.searched(where(at.k < BOUNDED, 1.0, where(found(at), 1.0, 0.0)))
         u, y, limits = way.place(alpha)
-        return Iterate(at.k + 1.0, between(alpha, at.v, v), u, y, limits, square * (1.0 / mass))
+        v, pulls = between(alpha, at.v, v), between(alpha, at.pulls, pulls)
+        return Iterate(at.k + 1.0, v, pulls, u, y, limits, square * (1.0 / mass))
 
     def found(at: Iterate) -> Scalar:
         # what is not a number will not be one after more sweeps either
@@ -95,8 +102,8 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
     return repeat(MAX_SWEEPS, turn, replace(start, k=0.0, error=_FAR), found)
 
 
-def _whole_step(sweep: Sweep, terms: Terms, at: Iterate) -> tuple[list[Scalar], Way]:
-    """The velocities that solve the linear system, and the way there."""
+def _whole_step(sweep: Sweep, terms: Terms, at: Iterate, bend: Sequence[Scalar]) -> tuple[list[Scalar], list[Scalar], Way]:
+    """The velocities and pulls that solve the linear system, and the way there."""
     theta = where(at.k < BOUNDED, 0.0, 1.0)
     load, g, y = sweep.unloaded(), Values([], []), Values([], [])
     reactions, slopes = [], []
@@ -107,10 +114,13 @@ def _whole_step(sweep: Sweep, terms: Terms, at: Iterate) -> tuple[list[Scalar], 
         g.contacts.append(list(reaction.g))
     for joint, u in zip(terms.joints, at.u.joints, strict=True):
         answer, G = joint.reaction(u, theta)
-        load.on_joint(joint.direction, *given(joint.near, partial(_linear, answer, G, u), [0.0, 0.0]))
+        if joint.rope is not None:
+            load.on_line(joint.rope[0], *_linear(answer, G, u))
+        else:
+            load.on_joint(joint.direction, *given(joint.near, partial(_linear, answer, G, u), [0.0, 0.0]))
         g.joints.append(answer)
         slopes.append(G)
-    v, V = sweep.solve(load)
+    v, V, pulls = sweep.solve(load, bend)
     u = terms.velocities(V, v)
     du = u.minus(at.u)
     for reaction, dx in zip(reactions, du.contacts, strict=True):
@@ -118,7 +128,7 @@ def _whole_step(sweep: Sweep, terms: Terms, at: Iterate) -> tuple[list[Scalar], 
     for answer, G, dx in zip(g.joints, slopes, du.joints, strict=True):
         y.joints.append(answer + G * dx)
     limits = [_limit(*some, at.k) for some in zip(terms.contacts, u.contacts, y.contacts, at.limits, strict=True)]
-    return [v[s] for s in sweep.moving], Way(terms, limits, at.u, at.y, g, u, y, du, y.minus(at.y))
+    return [v[s] for s in sweep.moving], pulls, Way(terms, limits, at.u, at.y, g, u, y, du, y.minus(at.y))
 
 
 def _linear(answer: Scalar, G: Scalar, u: Scalar) -> list[Scalar]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from articulated.dynamics.loops.closure import lines
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, maximum, minimum
 from articulated.simulation.contact.gaps import Gap, spread
@@ -69,8 +70,8 @@ def hinge(gap: Scalar, stiffness: Scalar, dissipation: Scalar, w: float, h: Scal
     return Hinge(-((gap + sag) * mass) / h, mass, dissipation, 1.0 - dissipation * (sag / h))
 
 
-def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:
-    """Stops, limited drives and dry friction, one term for each coordinate that has any of them; then stops of balls."""
+def joint_terms(scene: Scene, now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:
+    """Stops, limited drives and dry friction, one term for each coordinate that has any of them; then stops of balls; ropes."""
     m, numbers = scene.mechanism, forces.numbers
     stops: dict[int, tuple[tuple[float, Hinge], ...]] = {}
     near: dict[int, Scalar] = {}
@@ -98,7 +99,18 @@ def joint_terms(scene: Scene, start: Standing, forces: Forces, h: Scalar) -> lis
     for s in acted:
         always = s in motors or s in dry
         alone.append(JointTerm({s: 1.0}, stops.get(s, ()), motors.get(s), dry.get(s), scene.joint_felt([s]), always or near[s]))
-    return [*alone, *cones]
+    return [*alone, *cones, *_ropes(now, start, forces, h)]
+
+
+def _ropes(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:
+    """Ropes, which stop at their full length."""
+    scene, numbers = forces.scene, forces.numbers
+    result, first = [], sum(closure.size for closure in scene.loops)
+    for k, (rope, line) in enumerate(zip(scene.ropes, lines(now, start.q, scene.ropes), strict=True)):
+        w = scene.rope_felt(rope)
+        stop = hinge(-line.gap, numbers.stop_stiffness / w, numbers.stop_dissipation, w, h)
+        result.append(JointTerm({}, ((-1.0, stop),), None, None, w, True, (first + k, line)))
+    return result
 
 
 def drives(start: Standing, forces: Forces, h: Scalar) -> list[tuple[Scalar, Scalar]]:

@@ -15,10 +15,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+from articulated.dynamics.sweep import Sweep
 from articulated.scalar import Scalar, flatten, maximum, minimum, repeat, sqrt, where
 from articulated.simulation.implicit.laws import Hinge
 from articulated.simulation.implicit.newton import Iterate, solved
-from articulated.simulation.implicit.sweep import Sweep
 from articulated.simulation.implicit.values import Terms, Values
 from articulated.spatial import Vec3
 
@@ -58,11 +58,12 @@ def rebounded(
     mass: float,
     tolerance: Scalar,
     h: Scalar,
-) -> tuple[Iterate, list[Scalar]]:
-    """What the step ends with, and the velocities that move positions, of the coordinates that move with the load.
+    bend: Sequence[Scalar] = (),
+) -> tuple[Iterate, Iterate]:
+    """What the step ends with, and the same with the velocities and pulls that move positions.
 
     Args:
-        sweep, terms, start, mass, tolerance: as of `newton.solved`.
+        sweep, terms, start, mass, tolerance, bend: as of `newton.solved`.
         restitutions: of each hinge: contacts', then stops'.
         gravity: acceleration of free fall.
         h: length of the step.
@@ -73,7 +74,7 @@ def rebounded(
 
     def turn(at: Bounce) -> Bounce:
         acting = _with_hinges(terms, at.hinges)
-        found = solved(sweep, acting, at.found, mass, tolerance)
+        found = solved(sweep, acting, at.found, mass, tolerance, bend)
         hinges, meets = [], _NEVER
         for e, hinge, one, push in zip(restitutions, at.hinges, incoming, _pushes(acting, found), strict=True):
             leaves = (push > 0.0) & (one.speed + one.lag < -slow) & (e > 0.0)
@@ -95,10 +96,13 @@ def rebounded(
         end.found,
         k=end.sweeps,
         v=_between(end.first.v, end.found.v, part),
+        pulls=_between(end.first.pulls, end.found.pulls, part),
         u=end.first.u.moved(part, end.found.u),
         y=end.first.y.moved(part, end.found.y),
     )
-    return found, _between(found.v, end.first.v, minimum(end.meets, 1.0))
+    meets = minimum(end.meets, 1.0)
+    moving = (_between(a, b, meets) for a, b in ((found.v, end.first.v), (found.pulls, end.first.pulls)))
+    return found, replace(found, **dict(zip(("v", "pulls"), moving, strict=True)))
 
 
 def _between(a: Sequence[Scalar], b: Sequence[Scalar], part: Scalar) -> list[Scalar]:
@@ -162,5 +166,5 @@ def _chosen(condition: Scalar, a: Iterate, b: Iterate) -> Iterate:
         ]
         return Values(contacts, [where(condition, p, q) for p, q in zip(x.joints, y.joints, strict=True)])
 
-    v = [where(condition, x, y) for x, y in zip(a.v, b.v, strict=True)]
-    return replace(a, v=v, u=values(a.u, b.u), y=values(a.y, b.y))
+    v, pulls = ([where(condition, x, y) for x, y in zip(p, r, strict=True)] for p, r in ((a.v, b.v), (a.pulls, b.pulls)))
+    return replace(a, v=v, pulls=pulls, u=values(a.u, b.u), y=values(a.y, b.y))

@@ -18,8 +18,10 @@ class Stance:
         slack: likewise of each coordinate with dry friction [rad or m].
         before: length of the step before [s], 0 at the start of a motion: v belongs to where it was then.
         shift: how much faster positions moved in the last step than velocities say, where things may rebound [rad/s or m/s].
+        carry: likewise, how much faster momenta are that go on, where loops bend the way of what they hold.
         contact_forces: of each contact in the last step, in the world [N].
         efforts: what drives gave in the last step [N m or N].
+        pulls: forces of loops in the last step, a row each [N or N m].
         residual: the largest of the solver so far [m/s].
         failures: steps so far in which the solver did not reach its tolerance.
         near: which contacts were near in the last step, as a number.
@@ -31,8 +33,10 @@ class Stance:
     slack: list[Scalar]
     before: Scalar
     shift: list[Scalar]
+    carry: list[Scalar]
     contact_forces: list[list[Scalar]]
     efforts: list[Scalar]
+    pulls: list[Scalar]
     residual: Scalar
     failures: Scalar
     near: Scalar
@@ -49,14 +53,25 @@ class Standing:
     work: Scalar
     stance: Stance
 
+    @property
+    def moved(self) -> list[Scalar]:
+        """The velocities with which positions came here."""
+        return [a + b for a, b in zip(self.v, self.stance.shift, strict=True)] if self.stance.shift else self.carried
+
+    @property
+    def carried(self) -> list[Scalar]:
+        """Those of the momenta that go on."""
+        return [a + b for a, b in zip(self.v, self.stance.carry, strict=True)] if self.stance.carry else self.v
+
 
 def unmoved(scene: Scene) -> Stance:
     """The stance of a rig that has touched nothing yet."""
     n, dry = scene.touches, rubbing(scene.mechanism)
     drives = scene.drives.coordinates if scene.drives else ()
     anchors, pushes = [[0.0] * 2 for _ in range(n)], [[0.0] * 3 for _ in range(n)]
-    shift = [0.0] * (scene.mechanism.nv if scene.rebounds else 0)
-    return Stance(anchors, [0.0] * len(dry), 0.0, shift, pushes, [0.0] * len(drives), 0.0, 0.0, 0.0, 0.0, 0.0)
+    shift, carry = ([0.0] * (scene.mechanism.nv if some else 0) for some in (scene.rebounds, scene.loops))
+    pulls, efforts = [0.0] * len(scene.rows), [0.0] * len(drives)
+    return Stance(anchors, [0.0] * len(dry), 0.0, shift, carry, pushes, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

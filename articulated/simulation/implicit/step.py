@@ -10,79 +10,62 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from articulated.dynamics.configuration import integrate
-from articulated.dynamics.joints import Ball
+from articulated.dynamics.loops.closure import lines
 from articulated.dynamics.mechanism import WORLD
-from articulated.dynamics.tree import ROOT, Tree, in_root, in_world, is_free, tree
+from articulated.dynamics.sweep import Sweep
+from articulated.dynamics.tree import Tree, along_coordinates, in_world, tree
 from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import folded, gaps
 from articulated.simulation.forces import Forces, dot
-from articulated.simulation.implicit.momentum import Past, along_coordinates, momenta
+from articulated.simulation.implicit.closing import bends, closed_step, moved
+from articulated.simulation.implicit.momentum import Past, momenta
 from articulated.simulation.implicit.newton import Iterate, begin, solved
 from articulated.simulation.implicit.problem import ANCHORING, contacts, drives, joint_terms, linear_part, restitutions
 from articulated.simulation.implicit.rebound import rebounded
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
-from articulated.simulation.implicit.sweep import Sweep
 from articulated.simulation.implicit.terms import SLIP_SPEED, Contact
 from articulated.simulation.implicit.values import Terms
-from articulated.spatial import Mat3, Vec3
-from articulated.spatial.rotation import rotation_of_quaternion
-
-_BALL = Ball()
+from articulated.spatial import Vec3
 
 
 def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     """One step of length h."""
     scene, now = forces.scene, tree(forces.mechanism, start.q)
-    v = in_world(now, start.v)
+    v = in_world(now, start.carried)
+    V = now.velocities(v)
     p, mass = linear_part(start, v, forces, h)
     past = Past.of(now, start)
     carried = along_coordinates(now, momenta(now, past, forces, h))
     terms = Terms(
-        contacts(scene, now, past, now.velocities(v), gaps(scene, now, forces.tables), start.stance, forces.numbers, h),
-        joint_terms(scene, start, forces, h),
+        contacts(scene, now, past, V, gaps(scene, now, forces.tables), start.stance, forces.numbers, h),
+        joint_terms(scene, now, start, forces, h),
     )
-    bodies, coordinates = [c.body for c in terms.contacts], [s for j in terms.joints for s in j.direction]
-    sweep = Sweep(now, [a + b for a, b in zip(p, carried, strict=True)], mass, bodies, coordinates)
+    loops = lines(now, start.q, scene.loops)
+    ropes = [term.rope[1] for term in terms.joints if term.rope is not None]
+    bodies = [c.body for c in terms.contacts] + [i for line in ropes for i in (line.a, line.b)]
+    coordinates = [s for j in terms.joints for s in j.direction]
+    p = [a + b for a, b in zip(p, carried, strict=True)]
+    sweep = Sweep(now, p, mass, [i for i in bodies if i != WORLD], coordinates, [*loops, *ropes], scene.sizes)
     start_at, tolerance = begin(sweep, terms, now, v), forces.numbers.tolerance
+    bend = bends(now, start.q, v, V, loops, h)
     if scene.rebounds:
         given = restitutions(scene, terms, forces.numbers)
         gravity = Vec3.of(forces.gravity)
-        found, along = rebounded(sweep, terms, start_at, given, gravity, scene.rig.mass, tolerance, h)
+        found, along = rebounded(sweep, terms, start_at, given, gravity, scene.rig.mass, tolerance, h, bend)
     else:
-        found = solved(sweep, terms, start_at, scene.rig.mass, tolerance)
-        along = found.v
-    v_new = sweep.rest(found.v)
-    v_moving = sweep.rest(along) if scene.rebounds else v_new
+        found = along = solved(sweep, terms, start_at, scene.rig.mass, tolerance, bend)
+    v_new = sweep.rest(found.v, found.pulls)
+    v_moving = sweep.rest(along.v, along.pulls) if scene.rebounds else v_new
     efforts = _efforts(start, terms, found, forces, v_new, h)
     work = start.work + _work(now, terms, (start_at, found), forces, efforts, (v, v_new), h)
-    q_new, v_end = _moved(now, start.q, v_moving, v_new, h)
     stance = _stance(start.stance, terms, found, forces, efforts, h)
-    if scene.rebounds:
-        _, v_along = _moved(now, start.q, v_moving, v_moving, h)
-        stance = replace(stance, shift=[a - b for a, b in zip(v_along, v_end, strict=True)])
-    return Standing(q_new, v_end, work, stance)
-
-
-def _moved(
-    now: Tree, q: Sequence[Scalar], v: Sequence[Scalar], v_end: Sequence[Scalar], h: Scalar
-) -> tuple[list[Scalar], list[Scalar]]:
-    """q after a step with the velocities v, and those at its end as the outside has them there.
-
-    A free root moves straight, and its velocity is in its own axes: those at the end of the step.
-    """
-    m = now.mechanism
-    q_new = integrate(m, q, [h * x for x in v])
-    if not is_free(m):
-        return q_new, list(v_end)
-    joint, R_WP = m.joints[ROOT], m.placement[ROOT].R
-    at, linear, angular = joint.q[0], Vec3.of([v[s] for s in joint.v[:3]]), Vec3.of([v[s] for s in joint.v[3:]])
-    step = R_WP.transpose_times(linear * h)
-    turn = now.X[ROOT].R.transpose_times(angular * h)
-    quat_xyzw = _BALL.integrate(q[at + 3 : at + 7], list(turn))
-    q_new[at : at + 7] = [*(x + dx for x, dx in zip(q[at : at + 3], step, strict=True)), *quat_xyzw]
-    R_WB = (Mat3.identity() @ R_WP) @ rotation_of_quaternion(quat_xyzw)
-    return q_new, in_root(m, R_WB, v_end)
+    if not (scene.loops or scene.rebounds):
+        return Standing(*moved(now, start.q, v_new, v_new, h), work, stance)
+    q_new, v_end = closed_step(scene, now, sweep, start.q, v_moving, v_new, h)
+    (_, v_out), (_, v_along), (_, v_on) = (moved(now, start.q, v_moving, x, h) for x in (v_end, v_moving, v_new))
+    shift, carry = ([a - b for a, b in zip(x, v_out, strict=True)] for x in (v_along, v_on))
+    stance = replace(stance, shift=shift if scene.rebounds else [], carry=carry if scene.loops else [])
+    return Standing(q_new, v_out, work, stance)
 
 
 def _efforts(start: Standing, terms: Terms, found: Iterate, forces: Forces, v: Sequence[Scalar], h: Scalar) -> list[Scalar]:
@@ -151,8 +134,10 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
         slack,
         h,
         before.shift,
+        before.carry,
         [x[2:] for x in contacts],
         list(efforts),
+        [x / h for x in found.pulls],
         maximum(before.residual, residual),
         before.failures + where(residual < forces.numbers.tolerance, 0.0, 1.0),
         sum((where(contact.near, 2.0 ** (n % 20), 0.0) for n, contact in enumerate(terms.contacts)), 0.0),

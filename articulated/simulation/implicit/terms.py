@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from articulated.dynamics.loops.closure import Line
 from articulated.scalar import Scalar, absolute, maximum, where
 from articulated.simulation.implicit.laws import Cone, Drive, Hinge, dot
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
@@ -143,7 +144,7 @@ class Contact:
 
 @dataclass(frozen=True, eq=False)
 class JointTerm:
-    """What acts along one direction of a joint.
+    """What acts along one direction of a joint, or along a rope.
 
     Attributes:
         direction: velocity along it, by coordinate: u = Σ c_s v_s.
@@ -152,6 +153,7 @@ class JointTerm:
         dry: a friction cone and the anchor's velocity, or None.
         w: how much velocity an impulse gives, about [1/kg or 1/(kg m²)].
         near: as of a contact; True if there is more than stops.
+        rope: its row, and the number of that among all rows of loops.
     """
 
     direction: dict[int, Scalar]
@@ -160,9 +162,12 @@ class JointTerm:
     dry: tuple[Cone, Scalar] | None
     w: float
     near: Scalar
+    rope: tuple[int, Line] | None = None
 
-    def velocity(self, v: Sequence[Scalar]) -> Scalar:
+    def velocity(self, V: Sequence[Motion], v: Sequence[Scalar]) -> Scalar:
         """u."""
+        if self.rope is not None:
+            return self.rope[1].speed(V, v)
         return dot(list(self.direction.values()), [v[s] for s in self.direction])
 
     def reaction(self, u: Scalar, theta: Scalar) -> tuple[Scalar, Scalar]:

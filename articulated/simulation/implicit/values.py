@@ -22,7 +22,7 @@ class Terms:
 
     def velocities(self, V: Sequence[Motion], v: Sequence[Scalar]) -> Values:
         """u."""
-        return Values([list(c.velocity(V)) for c in self.contacts], [j.velocity(v) for j in self.joints])
+        return Values([list(c.velocity(V)) for c in self.contacts], [j.velocity(V, v) for j in self.joints])
 
     def near(self, of_contact: Callable[[int], list[Scalar]], n: int) -> list[list[Scalar]]:
         """n numbers of each contact; zeros of those that are not near."""

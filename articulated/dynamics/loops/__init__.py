@@ -1,0 +1,1 @@
+"""Closed loops: their rows, the linear system that they make with a tree, and what users call."""

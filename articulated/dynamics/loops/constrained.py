@@ -1,0 +1,155 @@
+"""Forward dynamics of a tree with closed loops, in world axes about a common origin; and what keeps loops closed.
+
+symbol   meaning                                                        unit
+V, A     velocity of a body, and its acceleration where no coordinate accelerates
+F        force that a body would need not to accelerate but with A      N m, N
+p        what is left for the coordinates, τ − C                        N m, N
+φ, γ     gap of a row, and φ̈ where no coordinate accelerates            m, m/s²
+λ        force of each row                                              N, N m
+
+Featherstone, RBDA ch. 8, has the equations, M v̇ + C = τ + Jᵀ λ and J v̇ = −γ; the columns of J are folded with the tree, see
+`sweep`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from articulated.dynamics.configuration import integrate
+from articulated.dynamics.loops.closure import Closure, Line, lines
+from articulated.dynamics.loops.factor import Redundancy
+from articulated.dynamics.mechanism import WORLD, Mechanism
+from articulated.dynamics.sweep import Sweep
+from articulated.dynamics.tree import Tree, along_coordinates, force_at, in_world, tree
+from articulated.scalar import Scalar
+from articulated.spatial import Force, Motion, Vec3
+
+
+@dataclass(frozen=True, eq=False)
+class Constrained:
+    """A looped rig at one state.
+
+    Attributes:
+        now: its tree.
+        sweep: its linear system.
+        a: generalized accelerations.
+        forces: λ.
+    """
+
+    now: Tree
+    sweep: Sweep
+    a: list[Scalar]
+    forces: list[Scalar]
+
+    def projected(self, change: Sequence[Scalar]) -> list[Scalar]:
+        """The least change of velocity, by kinetic energy, that gives the rows this change."""
+        dv = self.sweep.corrected(change)
+        return self.now.out_of_world(dv)
+
+
+def constrained(
+    m: Mechanism,
+    closures: Sequence[Closure],
+    q: Sequence[Scalar],
+    v: Sequence[Scalar],
+    tau: Sequence[Scalar],
+    gravity: Sequence[Scalar],
+    external: Sequence[Sequence[Scalar]] | None = None,
+    on_bodies: Sequence[Force | None] | None = None,
+    rate: float = 0.0,
+    known: Redundancy | None = None,
+) -> Constrained:
+    """Accelerations under these forces, as of `forward_dynamics`, and what loops add.
+
+    `rate` [1/s]: gaps go to zero as fast as a critically damped spring of this frequency lets them (Baumgarte 1972). `known`
+    is how rows repeat each other where they are closed; None if they are closed here.
+    """
+    now = tree(m, q)
+    rows = lines(now, q, closures)
+    v_world = in_world(now, v)
+    V = now.velocities(v_world)
+    A = now.accelerations(q, v_world, V, straight=False)
+    F = _needed(now, V, A, gravity, external, on_bodies)
+    p = [t - f for t, f in zip(in_world(now, tau), along_coordinates(now, F), strict=True)]
+    sweep = Sweep(now, p, m.armature, (), (), rows, _sizes(closures), known, leaves_out=known is not None)
+    target = [
+        -line.curvature(V, A) - (2.0 * rate) * line.speed(V, v_world) - (rate * rate) * line.gap
+        if rate
+        else -line.curvature(V, A)
+        for line in rows
+    ]
+    _, _, pulls = sweep.solve(sweep.unloaded(), target)
+    return Constrained(now, sweep, now.out_of_world(sweep.rest((), pulls)), pulls)
+
+
+def closed_state(
+    m: Mechanism, closures: Sequence[Closure], q: Sequence[Scalar], v: Sequence[Scalar], corrections: int = 2
+) -> tuple[list[Scalar], list[Scalar]]:
+    """The nearest configuration and velocity, by kinetic energy, with loops closed, from not far away."""
+    now = tree(m, q)
+    sweep = Sweep(now, [0.0] * m.nv, m.armature, lines=lines(now, q, closures), sizes=_sizes(closures))
+    looped = Constrained(now, sweep, [], [])
+    for _ in range(corrections):
+        gaps = [-line.gap for line in rows_at(m, closures, q)[1]]
+        q = integrate(m, q, looped.projected(gaps))
+    v = list(v)
+    for _ in range(corrections):
+        now, rows = rows_at(m, closures, q)
+        v_world = in_world(now, v)
+        V = now.velocities(v_world)
+        dv = looped.projected([-line.speed(V, v_world) for line in rows])
+        v = [a + b for a, b in zip(v, dv, strict=True)]
+    return list(q), v
+
+
+def rows_at(m: Mechanism, closures: Sequence[Closure], q: Sequence[Scalar]) -> tuple[Tree, list[Line]]:
+    """The rows of loops at a configuration."""
+    now = tree(m, q)
+    return now, lines(now, q, closures)
+
+
+def jacobian_rows(now: Tree, rows: Sequence[Line]) -> list[list[Scalar]]:
+    """J: what each coordinate's velocity adds to each row's speed."""
+    m = now.mechanism
+    J: list[list[Scalar]] = []
+    for line in rows:
+        row: list[Scalar] = [0.0] * m.nv
+        for s, factor in line.turns.items():
+            row[s] = row[s] + factor
+        if line.K is not None:
+            for body, sign in ((line.a, -1.0), (line.b, 1.0)):
+                K = line.K * sign
+                for i in m.support(body):
+                    for column, s in zip(now.S[i], m.joints[i].v, strict=True):
+                        row[s] = row[s] + column.dot(K)
+        J.append(now.out_of_world(row))
+    return J
+
+
+def _sizes(closures: Sequence[Closure]) -> list[int]:
+    return [closure.size for closure in closures]
+
+
+def _needed(
+    now: Tree,
+    V: Sequence[Motion],
+    A: Sequence[Motion],
+    gravity: Sequence[Scalar],
+    external: Sequence[Sequence[Scalar]] | None,
+    on_bodies: Sequence[Force | None] | None,
+) -> list[Force]:
+    """F of each body: I (A − g) + V ×* I V, less what acts on it from outside. RBDA 5.9, in world axes."""
+    m, fall = now.mechanism, Motion(Vec3.zero(), Vec3.of(gravity))
+    F = []
+    for i in range(m.nbodies):
+        inertia = now.inertia(i)
+        F.append(inertia @ (A[i] - fall) + V[i].cross_force(inertia @ V[i]))
+    for (i, X_BL), wrench in zip(m.links, external or (), strict=bool(external)):
+        if i != WORLD:
+            point = now.X[i].transform_point(X_BL.p)
+            F[i] = F[i] - force_at(point, Vec3.of(wrench[:3]), Vec3.of(wrench[3:]))
+    for i, f in enumerate(on_bodies or ()):
+        if f is not None:
+            F[i] = F[i] - now.X[i].force_to_parent(f)
+    return F

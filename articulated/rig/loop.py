@@ -1,0 +1,200 @@
+"""Loops: what joins two links, or a link and the world, besides the joints of the tree."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from difflib import get_close_matches
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from articulated.rig.frames import rotation_with_z_along
+from articulated.rig.joint import KINDS as JOINTS
+from articulated.rig.rig import Rig
+
+_PLACE, _ABOUT = ("x", "y", "z"), ("about x", "about y", "about z")
+_ACROSS, _TILT = ("across 1", "across 2"), ("about 1", "about 2")
+
+KINDS: dict[str, tuple[str, ...]] = {
+    "point": _PLACE,
+    "hinge": (*_PLACE, *_TILT),
+    "slider": (*_ACROSS, *_TILT, "about axis"),
+    "universal": (*_PLACE, "about both"),
+    "cylindrical": (*_ACROSS, *_TILT),
+    "planar": ("along", *_TILT),
+    "weld": (*_PLACE, *_ABOUT),
+    "distance": ("along",),
+    "gear": ("turn",),
+}
+"""Every kind of loop, and what each of its rows holds still: a direction of frame A, or a turn about one."""
+
+_WITH_AXIS = ("hinge", "slider", "universal", "cylindrical", "planar")
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """What joins a frame A on one link to a frame B on another; see `KINDS`.
+
+        art.Loop("hinge", "coupler", (0.9, 0, 0), "rocker", (0, 0, 0.7), axis=(0, 1, 0))
+        art.Loop("weld", "left_hand", None, "bar", (0, 0.3, 0))
+        art.Loop("distance", "hook", None, "crate", (0, 0, 0.5), length=3.0, rope=True)
+        art.Loop("gear", "pinion", None, "rack", None, ratio=0.02)
+
+    | kind | rows | what stays free |
+    |---|---|---|
+    | point | 3 | all turns |
+    | hinge | 5 | turning about the axis |
+    | slider | 5 | moving along the axis |
+    | universal | 4 | turning about `axis`, fixed in A, and about `axis2`, fixed in B |
+    | cylindrical | 4 | turning about the axis and moving along it |
+    | planar | 3 | moving in the plane normal to the axis, and turning in it |
+    | weld | 6 | nothing |
+    | distance | 1 | all but the distance of the two origins; a rope's may also be less |
+    | gear | 1 | all but q_b − ratio q_a − offset, which stays 0 |
+
+    Attributes:
+        kind: one of these.
+        link_a, link_b: names of links, or None for the world; of a gear, names of joints with one coordinate.
+        pose_a, pose_b: frames A and B in these links, shape (4, 4) or (3,) for a mere point; None is the link's own. [m]
+        axis: a direction, in A and likewise in B: where the loop is closed the two coincide, shape (3,).
+        axis2: the second axis of a universal joint, in B; it is held at right angles to the first, shape (3,).
+        length: of a distance [m].
+        rope: whether a distance may also be shorter.
+        ratio, offset: of a gear [of the joints' units].
+        name: for errors and reports.
+
+    Raises:
+        ValueError: the kind is unknown, a number is impossible, or something is missing.
+    """
+
+    kind: str
+    link_a: str | None
+    pose_a: ArrayLike | None
+    link_b: str | None
+    pose_b: ArrayLike | None
+    axis: ArrayLike | None = None
+    axis2: ArrayLike | None = None
+    length: float | None = None
+    rope: bool = False
+    ratio: float | None = None
+    offset: float = 0.0
+    name: str = ""
+    frames: tuple[np.ndarray, np.ndarray] = field(init=False, repr=False)
+    """A and B as matrices, turned so that the axis is z; of a universal joint each has its own axis as z."""
+
+    def __post_init__(self):
+        if self.kind not in KINDS:
+            close = get_close_matches(str(self.kind), KINDS, n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else ""
+            raise ValueError(f"kind of loop is {self.kind!r}; expected one of {', '.join(KINDS)}{hint}")
+        if not self.name:
+            between = "-".join(str(link or "world") for link in (self.link_a, self.link_b))
+            object.__setattr__(self, "name", f"{self.kind} {between}")
+        for name, wanted in (("axis", self.kind in _WITH_AXIS), ("axis2", self.kind == "universal")):
+            if (getattr(self, name) is not None) != wanted:
+                raise ValueError(f"{self} {f'needs {name}=, a direction' if wanted else f'has no use for {name}'}")
+        for name, kind in (("length", "distance"), ("ratio", "gear")):
+            value, wanted = getattr(self, name), self.kind == kind
+            if (value is not None) != wanted:
+                raise ValueError(f"{self} {f'needs {name}=' if wanted else f'has no use for {name}'}")
+            if wanted and not math.isfinite(value):
+                raise ValueError(f"{name} of {self} is {value!r}; expected a finite number")
+        if self.kind == "distance" and not self.length > 0.0:  # type: ignore[operator]
+            raise ValueError(f"length of {self} is {self.length!r}; expected more than 0; a point loop holds points together")
+        if self.rope and self.kind != "distance":
+            raise ValueError(f"{self} cannot be a rope; only a distance can")
+        if not math.isfinite(self.offset):
+            raise ValueError(f"offset of {self} is {self.offset!r}; expected a finite number")
+        z_a, z_b = self._direction("axis"), self._direction("axis2" if self.kind == "universal" else "axis")
+        A, B = (self._pose(f"pose_{end}") @ z for end, z in (("a", z_a), ("b", z_b)))
+        object.__setattr__(self, "frames", (A, B))
+
+    def __str__(self) -> str:
+        return f"loop {self.name!r}"
+
+    @property
+    def rows(self) -> tuple[str, ...]:
+        """What each of its rows holds still."""
+        return KINDS[self.kind]
+
+    def _pose(self, name: str) -> np.ndarray:
+        given = getattr(self, name)
+        if given is None:
+            return np.eye(4)
+        if self.kind == "gear":
+            raise ValueError(f"{self} joins joints and has no use for {name}")
+        try:
+            array = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} of {self} is {given!r}; expected numbers, shape (4, 4) or (3,)") from None
+        pose = np.eye(4)
+        if array.shape == (3,):
+            pose[:3, 3] = array
+        elif array.shape == (4, 4):
+            pose = array
+        else:
+            raise ValueError(f"{name} of {self} has shape {array.shape}; expected (4, 4) or (3,)")
+        R = pose[:3, :3]
+        if not np.isfinite(pose).all():
+            raise ValueError(f"{name} of {self} holds {array[~np.isfinite(array)][0]}; every entry must be finite")
+        if np.any(pose[3] != (0.0, 0.0, 0.0, 1.0)) or np.abs(R @ R.T - np.eye(3)).max() > 1e-9 or np.linalg.det(R) < 0.0:
+            raise ValueError(f"{name} of {self} is not a rotation and a translation, last row 0 0 0 1")
+        return pose
+
+    def _direction(self, name: str) -> np.ndarray:
+        """A turn that takes z to a direction."""
+        given, turn = getattr(self, name), np.eye(4)
+        if given is None:
+            return turn
+        try:
+            axis = np.array(given, dtype=float)
+        except (TypeError, ValueError):
+            raise ValueError(f"{name} of {self} is {given!r}; expected three numbers") from None
+        if axis.shape != (3,) or not np.isfinite(axis).all() or not np.any(axis):
+            raise ValueError(f"{name} of {self} is {given!r}; expected three numbers, not all zero")
+        turn[:3, :3] = rotation_with_z_along(axis)
+        return turn
+
+
+def check_loop(rig: Rig, loop: Loop) -> None:
+    """Refuse a loop that does not fit a rig.
+
+    Raises:
+        ValueError: a link or joint is unknown, both ends are one rigid body, or a gear's joint has several coordinates.
+    """
+    if not isinstance(loop, Loop):
+        raise ValueError(f"a loop is {loop!r}; expected an articulated.Loop")
+    if loop.kind == "gear":
+        for name in (loop.link_a, loop.link_b):
+            joint = rig.joints.get(str(name))
+            if joint is None:
+                raise ValueError(f"{loop}: {_unknown(rig, 'moving joint', name, rig.joints)}")
+            if JOINTS[joint.kind].nv != 1:
+                raise ValueError(f"{loop}: joint {name!r} is {joint.kind}; a gear joins joints of one coordinate")
+        ends = [j.mimic.joint if (j := rig.joints[str(name)]).mimic else j.name for name in (loop.link_a, loop.link_b)]
+        if ends[0] == ends[1]:
+            raise ValueError(f"{loop}: both joints are the coordinate of {ends[0]!r}, which no gear can tie to itself")
+        return
+    bodies = []
+    for name in (loop.link_a, loop.link_b):
+        if is_world(rig, name):
+            bodies.append(-1)
+        elif (link := rig.links.get(str(name))) is not None:
+            bodies.append(link.body)
+        else:
+            raise ValueError(f"{loop}: {_unknown(rig, 'link', name, rig.links)}; None is the world")
+    if bodies[0] == bodies[1]:
+        where = "the world, which does not move" if bodies[0] < 0 else "one rigid body: no joint moves one against the other"
+        raise ValueError(f"{loop}: {loop.link_a!r} and {loop.link_b!r} are parts of {where}")
+
+
+def is_world(rig: Rig, link: str | None) -> bool:
+    """Whether the end of a loop is the world; a link of that name comes before it."""
+    return link is None or (link == "world" and "world" not in rig.links)
+
+
+def _unknown(rig: Rig, what: str, name: str | None, known: Mapping) -> str:
+    close = get_close_matches(str(name), known, n=3)
+    return f"rig {rig.name!r} has no {what} {name!r}" + (f"; did you mean {' or '.join(map(repr, close))}?" if close else "")
