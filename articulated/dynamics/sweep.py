@@ -28,7 +28,7 @@ from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, given, maximum, unfolded
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
 
-_SOFT = 1e-9
+_SOFT = 1e-15
 """A row that gives way acts as if it had this mass at least [kg]: what does not act at all cannot be told from it."""
 
 

@@ -67,12 +67,12 @@ def reduced(t, y, g=9.81):
 
 def test_four_bar_against_its_reduced_equation():
     q0 = crank_rocker_state(1.0)
-    run = art.Simulation(four_bar(), dt=1e-3).run(q0, [6.0, 0, 0], duration=10.0, fps=20)
-    omega = run.v[0, 0]  # what is left of the crank's 6 rad/s
+    run = art.Simulation(four_bar(), dt=1e-3).run(q0, [3.0, 0, 0], duration=10.0, fps=20)
+    omega = run.v[0, 0]  # what is left of the crank's 3 rad/s
     exact = solve_ivp(reduced, (0, 10), [1.0, omega], method="DOP853", rtol=1e-11, atol=1e-11, t_eval=run.time)
     assert np.abs(run.q[:, 0] - exact.y[0]).max() < 1e-6
     assert np.ptp(run.q[:, 0]) > 20.0
-    coupler, rocker = freudenstein(run.q[:, 0])
+    _, rocker = freudenstein(run.q[:, 0])
     np.testing.assert_allclose(np.cos(run.q[:, 2] - rocker), 1.0, atol=1e-12)
     assert run.report.passed
 
@@ -183,7 +183,7 @@ def walking_leg():
         mass = 5.0 if link.name == "frame" else link.mass
         inertia = np.eye(3) * 0.1 if link.name == "frame" else link.inertia
         builder.link(link.name, mass, link.center, inertia)
-    builder.joint("rail", "prismatic", "rail", "frame", xyz=(0, 0, 0.93), axis=(1, 0, 0), limits=art.Limits(-100.0, 100.0))
+    builder.joint("rail", "prismatic", "rail", "frame", xyz=(0, 0, 0.917), axis=(1, 0, 0), limits=art.Limits(-100.0, 100.0))
     for joint in leg.joints.values():
         builder.joint(joint.name, "continuous", joint.parent, joint.child, pose=joint.pose, axis=joint.axis)
     for loop in leg.loops:
@@ -223,11 +223,10 @@ def test_mechanisms_on_the_ground(name):
     q = art.assemble(rig, loops, guess)
     floor, points = 0.0, None
     if ON_GROUND[name] is None:
-        lowest = min(art.link_poses(rig, q)[:, 2, 3])
-        floor, points = (
-            lowest - 0.3,
-            [art.ContactPoint(link.name, tuple(link.center)) for link in rig.links.values() if link.body >= 0],
-        )
+        X = art.link_poses(rig, q)
+        moving = [link for link in rig.links.values() if link.body >= 0 and link.name != "roller"]
+        points = [art.ContactPoint(link.name, tuple(link.center)) for link in moving]
+        floor = min((X[link.index] @ [*link.center, 1.0])[2] for link in moving) - 0.02
     else:
         for joint in rig.joints.values():
             if joint.kind == "floating" and (not joint.parent or joint.parent == "world"):
@@ -287,12 +286,11 @@ def test_momentum_of_what_holds_itself(make):
     q = art.assemble(rig, loops, guess)
     v = art.project_velocity(rig, loops, q, np.random.default_rng(0).normal(size=rig.nv))
     before = art.momentum(rig, q, v)
-    for integrator, allowed in (("rk4", 1e-7), ("semi_implicit", 1e-6)):
-        run = art.Simulation(rig, dt=1e-3, gravity=(0, 0, 0), loops=loops, limits=False, integrator=integrator).run(
-            q, v, duration=0.3, fps=10
-        )
+    for integrator, allowed in (("rk4", 1e-9), ("semi_implicit", 1e-3)):  # the latter shows velocities a step old
+        simulation = art.Simulation(rig, dt=1e-3, gravity=(0, 0, 0), loops=loops, limits=False, integrator=integrator)
+        run = simulation.run(q, v, duration=0.3, fps=10)
         after = art.momentum(rig, run.q[-1], run.v[-1])
-        np.testing.assert_allclose(after[:3], before[:3], atol=allowed * 100.0 if integrator == "semi_implicit" else allowed)
+        np.testing.assert_allclose(after[:3], before[:3], atol=allowed * np.abs(before).max())
 
 
 @pytest.mark.parametrize(("integrator", "order"), [("euler", 1), ("semi_implicit", 1), ("midpoint", 2), ("rk4", 4)])
@@ -426,7 +424,7 @@ def test_float32():
         simulation = art.Simulation(rig, dt=2e-3, loops=loops, **settings)
         run = simulation.run(q, np.zeros(rig.nv, np.float32), duration=0.5, fps=20)
         wide = simulation.run(q.astype(float), duration=0.5, fps=20)
-        assert run.q.dtype == np.float32
+        assert simulation.reset(q, np.zeros(rig.nv, np.float32)).q.dtype == np.float32
         assert np.abs(run.loop_gaps).max() < 1e-5
         np.testing.assert_allclose(run.q, wide.q, atol=2e-2)
 
@@ -472,7 +470,7 @@ class TestTrouble:
                 art.constrained_dynamics(rig, [loop], np.zeros(3), np.zeros(3), np.zeros(3))
         with pytest.raises(ValueError, match="expected a list of loops"):
             art.Simulation(rig, loops=rig.loops[0])
-        with pytest.raises(ValueError, match="expected an articulated.Loop"):
+        with pytest.raises(ValueError, match=r"expected an articulated\.Loop"):
             art.Simulation(rig, loops=["tip"])
 
     def test_a_run_is_saved_with_its_loops(self, tmp_path):

@@ -98,6 +98,9 @@ def _work(
         for s, x in joint.direction.items():
             impulse[s] = impulse[s] - y * x
     work = dot(impulse, mean)
+    for n, joint in enumerate(terms.joints):
+        if joint.rope is not None:
+            work = work - found.y.joints[n] * (0.5 * (begun.u.joints[n] + found.u.joints[n]))
 
     def with_contact(n: int, work: Scalar) -> Scalar:
         mean = (Vec3.of(begun.u.contacts[n]) + Vec3.of(found.u.contacts[n])) * 0.5
