@@ -8,9 +8,6 @@ A coordinate opens at its joint (U = IA S, D = Sᵀ IA S + armature, u = τ − 
 q̈_s is solved for and put into everything else, which is RBDA 7.26 and 7.47. Only a coordinate that several joints share
 (a joint that follows another) stays open until all of them are in the subtree, carried along in body axes as U, D and u are.
 Closing the several coordinates of one joint in turn is an LDLᵀ factorisation of its D.
-
-Several right sides can be carried along. Besides the one above, each of them, a `pull` with a name, is a force on each body and
-on each coordinate for a unit of something not known yet: K stands for −pA of that side, w for u.
 """
 
 from __future__ import annotations
@@ -31,10 +28,6 @@ class Row:
     U: Force
     D: dict[int, Scalar]
     u: Scalar
-    w: dict[int, Scalar] = field(default_factory=dict)
-
-    def copy(self) -> Row:
-        return Row(self.U, dict(self.D), self.u, dict(self.w))
 
 
 @dataclass(eq=False)
@@ -46,21 +39,15 @@ class Closed:
     Dinv: Scalar
     D: dict[int, Scalar]
     u: Scalar
-    w: dict[int, Scalar]
-
-    def pulled(self, pulls: Sequence[Scalar]) -> Scalar:
-        """What pulls of these sizes add to u."""
-        return sum((pulls[k] * w for k, w in self.w.items()), 0.0)
 
 
 @dataclass(eq=False)
 class Elimination:
-    """The coordinates given up at one body, and what is left for its parent: `IA`, `pA`, `K` and the rows still open."""
+    """The coordinates given up at one body, and what is left for its parent: `IA`, `pA` and the rows still open."""
 
     IA: ArticulatedInertia
     pA: Force
     rows: dict[int, Row]
-    K: dict[int, Force] = field(default_factory=dict)
     closed: list[Closed] = field(default_factory=list)
     unloaded: dict[int, UnitMotion] = field(default_factory=dict)
 
@@ -69,14 +56,9 @@ class Elimination:
         return Elimination.begin({})
 
     @staticmethod
-    def begin(
-        rows: dict[int, Row],
-        IA: ArticulatedInertia | None = None,
-        pA: Force | None = None,
-        K: Mapping[int, Force] | None = None,
-    ) -> Elimination:
-        """Start from what the subtree left open, and the body's own articulated inertia, bias force and pulls."""
-        return Elimination(IA or ArticulatedInertia.zero(), pA or Force.zero(), rows, dict(K or {}))
+    def begin(rows: dict[int, Row], IA: ArticulatedInertia | None = None, pA: Force | None = None) -> Elimination:
+        """Start from what the subtree left open, and the body's own articulated inertia and bias force."""
+        return Elimination(IA or ArticulatedInertia.zero(), pA or Force.zero(), rows)
 
     def open_joint(
         self,
@@ -100,8 +82,6 @@ class Elimination:
                 _couple(self.rows, s, t, earlier.dot(U))
             row.D[s] = row.D[s] + column.dot(U)
             row.u = row.u - column.dot(self.pA)
-            for k, K in self.K.items():
-                row.w[k] = row.w.get(k, 0.0) + column.dot(K)
             opened.append((s, column))
             if not follows:
                 row.D[s] = row.D[s] + armature[s]
@@ -115,10 +95,6 @@ class Elimination:
         """Add d to D_st and D_ts of two open coordinates."""
         _couple(self.rows, s, t, d)
 
-    def pull(self, s: int, k: int, w: Scalar) -> None:
-        """Let a unit of pull k act on an open coordinate."""
-        self.rows[s].w[k] = self.rows[s].w.get(k, 0.0) + w
-
     def close(self, coordinates: Iterable[int]) -> None:
         """Give up these coordinates, the last first."""
         coordinates = list(coordinates)
@@ -131,17 +107,13 @@ class Elimination:
                 other = self.rows[t]
                 other.U = other.U - Ud * d
                 other.u = other.u - d * Dinv * row.u
-                for k, w in row.w.items():
-                    other.w[k] = other.w.get(k, 0.0) - d * Dinv * w
                 del other.D[s]
             for t, r in combinations_with_replacement(others, 2):
                 value = self.rows[t].D.get(r, 0.0) - others[t] * Dinv * others[r]
                 self.rows[t].D[r] = self.rows[r].D[t] = value
             self.IA = self.IA.minus_outer(row.U, Ud)
             self.pA = self.pA + Ud * row.u
-            for k, w in row.w.items():
-                self.K[k] = self.K.get(k, Force.zero()) - Ud * w
-            self.closed.append(Closed(s, row.U, Dinv, others, row.u, row.w))
+            self.closed.append(Closed(s, row.U, Dinv, others, row.u))
         # what moves freely along a direction has no inertia that way: say so exactly
         for s in coordinates:
             if s in self.unloaded:
@@ -175,10 +147,7 @@ def merged(parts: Sequence[dict[int, Row]]) -> dict[int, Row]:
             D = dict(so_far.D)
             for t, d in row.D.items():
                 D[t] = D[t] + d if t in D else d
-            w = dict(so_far.w)
-            for k, x in row.w.items():
-                w[k] = w[k] + x if k in w else x
-            rows[s] = Row(so_far.U + row.U, D, so_far.u + row.u, w)
+            rows[s] = Row(so_far.U + row.U, D, so_far.u + row.u)
     return rows
 
 

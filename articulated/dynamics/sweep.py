@@ -8,21 +8,19 @@ Loops tie bodies of different branches: they add rows K v = c, and a pull λ alo
 
     (A + …) v = p − … + Kᵀ λ,      Λ λ = c − K v₀,      Λ = K (A + …)⁻¹ Kᵀ,      v₀ = v without λ.
 
-Their columns are folded with the tree, each along its own way to the root and no farther. Λ and K v₀ are sums of products of
-what coordinates leave of them, Σ w D⁻¹ w and Σ w D⁻¹ u: the tree need not be unfolded for them.
+Each column goes through the folded tree by itself, along its own way to the root and no farther: w = Sᵀ K, and K − U D⁻¹ w is
+left of it for the parent. Λ and K v₀ are Σ w D⁻¹ w and Σ w D⁻¹ u: the tree need not be unfolded for them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from itertools import combinations_with_replacement
+from dataclasses import dataclass, field, replace
 
 from articulated.dynamics.elimination import Closed, Elimination, Row, merged
 from articulated.dynamics.kinematics import combination
 from articulated.dynamics.loops.closure import Line
-from articulated.dynamics.loops.factor import Factor, Redundancy
+from articulated.dynamics.loops.factor import CORRECTIONS, Factor, Redundancy
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, given, maximum, unfolded
@@ -61,6 +59,27 @@ class Load:
         self.lines[k] = mass, p
 
 
+@dataclass(frozen=True, eq=False)
+class Ties:
+    """What joins bodies besides joints.
+
+    Attributes:
+        lines: rows of loops.
+        sizes: how many each loop has.
+        ropes: how many of the last loops are ropes, of one row each, which give way unless a load says otherwise.
+        known, leaves_out: see `Factor`.
+    """
+
+    lines: Sequence[Line] = ()
+    sizes: Sequence[int] = ()
+    ropes: int = 0
+    known: Redundancy | None = None
+    leaves_out: bool = True
+
+
+_UNTIED = Ties()
+
+
 class Sweep:
     """The system at one configuration, for any load.
 
@@ -76,43 +95,40 @@ class Sweep:
         mass: Sequence[Scalar],
         bodies: Iterable[int] = (),
         coordinates: Iterable[int] = (),
-        lines: Sequence[Line] = (),
-        sizes: Sequence[int] = (),
-        known: Redundancy | None = None,
-        leaves_out: bool = True,
+        ties: Ties = _UNTIED,
     ):
-        """Take the tree, the right side, what is added to D, and where terms act: on which bodies and coordinates.
-
-        And rows of loops, so many of each; for `known` and `leaves_out` see `Factor`.
-        """
+        """Take the tree, the right side, what is added to D, where terms act (on which bodies and coordinates), and loops."""
         m = self.mechanism = tree.mechanism
-        self.tree, self.p, self.mass, self.lines = tree, p, mass, lines
+        self.tree, self.p, self.mass, self.lines, self._ties = tree, p, mass, ties.lines, ties
         acted, coordinates = set(bodies), set(coordinates)
         acted |= {i for i, joint in enumerate(m.joints) if coordinates & set(joint.v)}
         self.active = {k for i in acted for k in (WORLD, *m.support(i))}
         self.moving = sorted(s for i in self.active for s in m.closes[i])
-        self._factored = partial(Factor, sizes=sizes, known=known, leaves_out=leaves_out)
-        self._quiet = _Folded.begin(tree, p, lines)
+        self._quiet = _Folded.begin(tree, p, ties.lines)
         still = [i for i in reversed(range(m.nbodies)) if i not in self.active]
         self._fold(self._quiet, still, self.unloaded())
         if not self.active:
             self._close_world(self._quiet)
-        self._quiet.sum_up(still if self.active else [*still, WORLD])
+        self._carry(self._quiet, still if self.active else [*still, WORLD])
+        if not self.active:
+            self._quiet.factor = self._factor(self._quiet)
 
     def unloaded(self) -> Load:
         """Without any term."""
         return Load(list(self._quiet.IA), list(self._quiet.pA), {}, {}, {}, {})
 
-    def solve(self, load: Load, target: Sequence[Scalar] = ()) -> tuple[list[Scalar], list[Motion], list[Scalar]]:
+    def solve(
+        self, load: Load, target: Sequence[Scalar] = (), corrections: int = CORRECTIONS
+    ) -> tuple[list[Scalar], list[Motion], list[Scalar]]:
         """For the coordinates that move with the load their velocities, and the bodies'; 0 for others. And loops' pulls.
 
-        `target` is c, of each row.
+        `target` is c, of each row; `corrections` as of `Factor.solve`.
         """
         folded = self._folded(load)
-        pulls = self._factor(folded).solve(folded.change(target, load.lines))
+        pulls = (folded.factor or self._factor(folded)).solve(folded.change(target, load.lines), corrections)
         v: list[Scalar] = [0.0] * self.mechanism.nv
         bodies = sorted(self.active - {WORLD})
-        V = self._unfold(folded, v, solves=lambda i: i in self.active, bodies=bodies, u=_with(pulls))
+        V = self._unfold(folded, v, solves=lambda i: i in self.active, bodies=bodies, u=folded.with_pulls(pulls))
         return v, V, pulls
 
     def rest(self, moving: Sequence[Scalar], pulls: Sequence[Scalar] = ()) -> list[Scalar]:
@@ -121,34 +137,35 @@ class Sweep:
         for s, x in zip(self.moving, moving, strict=True):
             v[s] = x
         bodies = range(self.mechanism.nbodies)
-        self._unfold(self._quiet, v, solves=lambda i: i not in self.active, bodies=bodies, u=_with(pulls))
+        self._unfold(self._quiet, v, solves=lambda i: i not in self.active, bodies=bodies, u=self._quiet.with_pulls(pulls))
         return v
 
     def corrected(self, change: Sequence[Scalar], corrections: int = 0) -> list[Scalar]:
-        """The least change of velocities, by A, that gives rows this change, whatever acts.
+        """The least change of velocities, by A, that gives rows this change, if nothing acts by a law.
 
         `corrections` refine it as they do `solve`; what changes a little at a time needs none.
         """
-        pulls = self._factor(self._alone).solve(change, corrections)
+        pulls = self._alone.solve(change, corrections)
         v: list[Scalar] = [0.0] * self.mechanism.nv
         bodies = range(self.mechanism.nbodies)
-        self._unfold(self._alone, v, solves=lambda i: True, bodies=bodies, u=lambda closed: closed.pulled(pulls))
+        self._unfold(self._quiet, v, solves=lambda i: True, bodies=bodies, u=lambda closed: self._quiet.pulled(closed, pulls))
         return v
 
     @property
     def redundancy(self) -> Redundancy:
-        """Of the rows of loops."""
-        return self._factor(self._alone).redundancy
+        """How rows of loops repeat each other, if nothing acts by a law."""
+        return self._alone.redundancy
+
+    @property
+    def _alone(self) -> Factor:
+        assert self._quiet.factor is not None
+        return self._quiet.factor
 
     def _factor(self, folded: _Folded) -> Factor:
-        """Of Λ."""
-        if folded.factor is None:
-            folded.factor = self._factored(folded.matrix, soft=folded.soft)
-        return folded.factor
-
-    @cached_property
-    def _alone(self) -> _Folded:
-        return self._folded(self.unloaded()) if self.active else self._quiet
+        """Of Λ; ropes give way."""
+        n = len(self.lines)
+        soft = dict.fromkeys(range(n - self._ties.ropes, n), 1.0 / _SOFT) | folded.soft
+        return Factor(folded.matrix, self._ties.sizes, soft, self._ties.known, self._ties.leaves_out)
 
     def _folded(self, load: Load) -> _Folded:
         """All of the tree, with a load."""
@@ -158,7 +175,7 @@ class Sweep:
         bodies = sorted(self.active - {WORLD}, reverse=True)
         self._fold(folded, bodies, load)
         self._close_world(folded)
-        folded.sum_up([*bodies, WORLD])
+        self._carry(folded, [*bodies, WORLD])
         folded.soft = {k: 1.0 / maximum(mass, _SOFT) for k, (mass, _) in load.lines.items()}
         return folded
 
@@ -167,24 +184,38 @@ class Sweep:
         m, tree = self.mechanism, self.tree
         for i in bodies:
             joint = m.joints[i]
-            e = folded.eliminations[i] = Elimination.begin(merged(folded.open[i]), folded.IA[i], folded.pA[i], folded.K[i])
+            e = folded.eliminations[i] = Elimination.begin(merged(folded.open[i]), folded.IA[i], folded.pA[i])
             p = {s: self.p[s] + load.p[s] if s in load.p else self.p[s] for s in joint.v}
             mass = {s: self.mass[s] + load.mass[s] if s in load.mass else self.mass[s] for s in joint.v}
             e.open_joint(tree.S[i], joint.v, p, mass, follows=joint.follows)
-            if not joint.follows:
-                for (s, t), x in load.between.items():
-                    if s in joint.v:
-                        e.couple(s, t, x)
-                for k, line in enumerate(self.lines):
-                    for s in line.turns.keys() & set(joint.v):
-                        e.pull(s, k, line.turns[s])
+            for (s, t), x in load.between.items():
+                if s in joint.v and not joint.follows:
+                    e.couple(s, t, x)
             e.close(m.closes[i])
             if (parent := m.parent[i]) != WORLD:
                 folded.IA[parent] = folded.IA[parent] + e.IA
                 folded.pA[parent] = folded.pA[parent] + e.pA
-                for k, K in e.K.items():
-                    folded.pull(parent, k, K)
             folded.open[parent].append(e.rows)
+
+    def _carry(self, folded: _Folded, bodies: Sequence[int]) -> None:
+        """Take the columns of loops through bodies that have been folded, each from its end on; what is left is Λ and K v₀."""
+        m = self.mechanism
+        for k, line in enumerate(self.lines):
+            for i in bodies:
+                K = folded.K[k].pop(i, None)
+                own = m.joints[i].v if i != WORLD else ()
+                if K is not None:
+                    for column, s in zip(self.tree.S[i], own, strict=True):
+                        folded.left[k][s] = folded.left[k].get(s, 0.0) + column.dot(K)
+                for s in own:
+                    if s in line.turns and not m.joints[i].follows:
+                        folded.left[k][s] = folded.left[k].get(s, 0.0) + line.turns[s]
+                for closed in folded.eliminations[i].closed:
+                    if (w := folded.left[k].pop(closed.s, None)) is not None:
+                        scaled = folded.close(k, closed, w)
+                        K = closed.U * -scaled if K is None else K - closed.U * scaled
+                if K is not None and i != WORLD and m.parent[i] != WORLD:
+                    folded.pull(m.parent[i], k, K)
 
     def _close_world(self, folded: _Folded) -> None:
         world = folded.eliminations[WORLD] = Elimination.begin(merged(folded.open[WORLD]))
@@ -212,22 +243,20 @@ class Sweep:
         return V
 
 
-def _with(pulls: Sequence[Scalar]) -> Callable[[Closed], Scalar]:
-    """The right side with pulls."""
-    return lambda closed: closed.u + closed.pulled(pulls) if closed.w else closed.u
-
-
 @dataclass(eq=False)
 class _Folded:
     """How far a tree has been folded.
 
     Attributes:
-        IA, pA, K: what each body shows by then.
+        IA, pA: what each body shows by then.
+        K: of each row of loops, what a unit of its pull is on bodies that have not been folded.
         open: the rows left open below it.
         eliminations: of bodies that have been folded.
+        left: of each row, what is left of it for coordinates still open.
+        w: and for coordinates given up.
         matrix, free: Λ and K v₀ by then.
         soft: of rows that give way, how much they do.
-        factor: of Λ, once it is wanted.
+        factor: of Λ, if it is there already.
     """
 
     IA: list[ArticulatedInertia]
@@ -235,6 +264,8 @@ class _Folded:
     K: list[dict[int, Force]]
     open: dict[int, list[dict[int, Row]]]
     eliminations: dict[int, Elimination]
+    left: list[dict[int, Scalar]]
+    w: dict[int, dict[int, Scalar]]
     matrix: dict[tuple[int, int], Scalar]
     free: list[Scalar]
     soft: dict[int, Scalar] = field(default_factory=dict)
@@ -253,9 +284,18 @@ class _Folded:
             return ArticulatedInertia(Sym3(*plain(inertia.J)), H, Sym3(*plain(inertia.M)))
 
         nothing = Vec3(*plain((0.0, 0.0, 0.0)))
-        IA = [loadable(tree.inertia(i).articulated()) for i in range(n)]
-        K: list[dict[int, Force]] = [{} for _ in range(n)]
-        start = _Folded(IA, [Force(nothing, nothing)] * n, K, {i: [] for i in range(WORLD, n)}, {}, {}, [0.0] * len(lines))
+        IA, m = [loadable(tree.inertia(i).articulated()) for i in range(n)], len(lines)
+        start = _Folded(
+            IA,
+            [Force(nothing, nothing)] * n,
+            [{} for _ in range(m)],
+            {i: [] for i in range(WORLD, n)},
+            {},
+            [{} for _ in range(m)],
+            {},
+            {},
+            [0.0] * m,
+        )
         for k, line in enumerate(lines):
             if line.K is not None:
                 for body, sign in ((line.a, -1.0), (line.b, 1.0)):
@@ -265,24 +305,45 @@ class _Folded:
 
     def pull(self, body: int, k: int, K: Force) -> None:
         """Add to what a unit of pull k is on a body."""
-        mine = self.K[body]
-        mine[k] = mine[k] + K if k in mine else K
+        self.K[k][body] = self.K[k][body] + K if body in self.K[k] else K
 
     def copy(self, load: Load) -> _Folded:
         """Another, with a load."""
-        open_ = {i: [{s: row.copy() for s, row in rows.items()} for rows in parts] for i, parts in self.open.items()}
-        K = [dict(some) for some in self.K]
-        return _Folded(list(load.IA), list(load.pA), K, open_, dict(self.eliminations), dict(self.matrix), list(self.free))
+        return replace(
+            self,
+            IA=list(load.IA),
+            pA=list(load.pA),
+            K=[dict(some) for some in self.K],
+            open={
+                i: [{s: Row(row.U, dict(row.D), row.u) for s, row in rows.items()} for rows in parts]
+                for i, parts in self.open.items()
+            },
+            eliminations=dict(self.eliminations),
+            left=[dict(some) for some in self.left],
+            w={s: dict(some) for s, some in self.w.items()},
+            matrix=dict(self.matrix),
+            free=list(self.free),
+        )
 
-    def sum_up(self, bodies: Iterable[int]) -> None:
-        """Count in what the coordinates given up at these bodies leave of the loops' rows."""
-        for i in bodies:
-            for closed in self.eliminations[i].closed:
-                weighted = {k: w * closed.Dinv for k, w in closed.w.items()}
-                for j, k in combinations_with_replacement(sorted(weighted), 2):
-                    self.matrix[j, k] = self.matrix.get((j, k), 0.0) + closed.w[j] * weighted[k]
-                for k, x in weighted.items():
-                    self.free[k] = self.free[k] + x * closed.u
+    def close(self, k: int, closed: Closed, w: Scalar) -> Scalar:
+        """Count in what is left of row k for a coordinate that has been given up; D⁻¹ w is returned."""
+        scaled = w * closed.Dinv
+        for t, d in closed.D.items():
+            self.left[k][t] = self.left[k].get(t, 0.0) - d * scaled
+        others = self.w.setdefault(closed.s, {})
+        others[k] = w
+        for j, x in others.items():
+            self.matrix[j, k] = self.matrix.get((j, k), 0.0) + x * scaled
+        self.free[k] = self.free[k] + scaled * closed.u
+        return scaled
+
+    def pulled(self, closed: Closed, pulls: Sequence[Scalar]) -> Scalar:
+        """What pulls of these sizes add to u."""
+        return sum((pulls[k] * w for k, w in self.w.get(closed.s, {}).items()), 0.0)
+
+    def with_pulls(self, pulls: Sequence[Scalar]) -> Callable[[Closed], Scalar]:
+        """The right sides with pulls."""
+        return lambda closed: closed.u + self.pulled(closed, pulls) if closed.s in self.w else closed.u
 
     def change(self, target: Sequence[Scalar], given: Mapping[int, tuple[Scalar, Scalar]]) -> list[Scalar]:
         """What pulls must add to the rows' velocities; where these give way, as if they did not."""

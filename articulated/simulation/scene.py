@@ -196,6 +196,16 @@ class Scene:
         return float(np.mean([self._inverse_mass[s, s] for s in coordinates]))
 
     @cached_property
+    def ease(self) -> list[float]:
+        """How much velocity a force on each coordinate gives, likewise; of balls and free bodies the same in all directions."""
+        ease = np.diag(self._inverse_mass).copy()
+        for joint in self.mechanism.own_joints():
+            for part in (joint.v[:3], joint.v[3:]):
+                if len(joint.v) in (3, 6):
+                    ease[list(part)] = ease[list(part)].mean() if part else 0.0
+        return ease.tolist()
+
+    @cached_property
     def _neutral(self) -> Tree:
         return tree(self.mechanism, self.rig.neutral().tolist())
 

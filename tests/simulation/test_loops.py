@@ -98,7 +98,7 @@ def test_n_four_bars(n):
     )
     angle = run.q[:, rig.joints["pivot0"].q_slice.start]
     np.testing.assert_allclose(angle, exact.y[0], atol=1e-6)
-    assert np.ptp(run.energy) < 1e-6
+    assert np.ptp(run.energy) < 1e-8 * run.energy[0]
     assert np.abs(run.loop_gaps).max() < 1e-12
     if n == 40:  # the published curve, of Adams, to its digits: x and y of the first knee
         published = {0.5: (0.687926, 0.725781), 1: (-0.115357, -0.993324), 2: (0.0344663, 0.999406), 10: (0.180513, 0.983573)}
@@ -286,7 +286,7 @@ def test_momentum_of_what_holds_itself(make):
     q = art.assemble(rig, loops, guess)
     v = art.project_velocity(rig, loops, q, np.random.default_rng(0).normal(size=rig.nv))
     before = art.momentum(rig, q, v)
-    for integrator, allowed in (("rk4", 1e-9), ("semi_implicit", 1e-3)):  # the latter shows velocities a step old
+    for integrator, allowed in (("rk4", 1e-9), ("semi_implicit", 1e-2)):  # the latter shows velocities a step old
         simulation = art.Simulation(rig, dt=1e-3, gravity=(0, 0, 0), loops=loops, limits=False, integrator=integrator)
         run = simulation.run(q, v, duration=0.3, fps=10)
         after = art.momentum(rig, run.q[-1], run.v[-1])

@@ -204,6 +204,26 @@ def lines(now: Tree, q: Sequence[Scalar], some: Sequence[Closure]) -> list[Line]
     return [line for closure in some for line in _lines(now, q, closure)]
 
 
+def jacobian(now: Tree, rows: Sequence[Line]) -> list[dict[int, Scalar]]:
+    """J: what each coordinate's velocity adds to each row's speed, free roots' in world axes.
+
+    Coordinates that add nothing are left out, such as those that move both ends alike.
+    """
+    m = now.mechanism
+    J: list[dict[int, Scalar]] = []
+    for line in rows:
+        row: dict[int, Scalar] = dict(line.turns)
+        ways = m.support(line.a), m.support(line.b)
+        for way, sign in zip(ways, (-1.0, 1.0), strict=True):
+            for i in way:
+                if line.K is not None and not (i in ways[0] and i in ways[1]):
+                    for column, s in zip(now.S[i], m.joints[i].v, strict=True):
+                        x = column.dot(line.K) * sign
+                        row[s] = row[s] + x if s in row else x
+        J.append(row)
+    return J
+
+
 def _lines(now: Tree, q: Sequence[Scalar], closure: Closure) -> Iterator[Line]:
     if closure.kind == "gear":
         yield _gear(now.mechanism, q, closure)

@@ -17,10 +17,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from articulated.dynamics.configuration import integrate
-from articulated.dynamics.loops.closure import Closure, Line, lines
+from articulated.dynamics.loops.closure import Closure, Line, jacobian, lines
 from articulated.dynamics.loops.factor import Redundancy
 from articulated.dynamics.mechanism import WORLD, Mechanism
-from articulated.dynamics.sweep import Sweep
+from articulated.dynamics.sweep import Sweep, Ties
 from articulated.dynamics.tree import Tree, along_coordinates, force_at, in_world, tree
 from articulated.scalar import Scalar
 from articulated.spatial import Force, Motion, Vec3
@@ -72,7 +72,8 @@ def constrained(
     A = now.accelerations(q, v_world, V, straight=False)
     F = _needed(now, V, A, gravity, external, on_bodies)
     p = [t - f for t, f in zip(in_world(now, tau), along_coordinates(now, F), strict=True)]
-    sweep = Sweep(now, p, m.armature, (), (), rows, _sizes(closures), known, leaves_out=known is not None)
+    ties = Ties(rows, _sizes(closures), known=known, leaves_out=known is not None)
+    sweep = Sweep(now, p, m.armature, ties=ties)
     target = [
         -line.curvature(V, A) - (2.0 * rate) * line.speed(V, v_world) - (rate * rate) * line.gap
         if rate
@@ -88,7 +89,7 @@ def closed_state(
 ) -> tuple[list[Scalar], list[Scalar]]:
     """The nearest configuration and velocity, by kinetic energy, with loops closed, from not far away."""
     now = tree(m, q)
-    sweep = Sweep(now, [0.0] * m.nv, m.armature, lines=lines(now, q, closures), sizes=_sizes(closures))
+    sweep = Sweep(now, [0.0] * m.nv, m.armature, ties=Ties(lines(now, q, closures), _sizes(closures)))
     looped = Constrained(now, sweep, [], [])
     for _ in range(corrections):
         gaps = [-line.gap for line in rows_at(m, closures, q)[1]]
@@ -110,21 +111,9 @@ def rows_at(m: Mechanism, closures: Sequence[Closure], q: Sequence[Scalar]) -> t
 
 
 def jacobian_rows(now: Tree, rows: Sequence[Line]) -> list[list[Scalar]]:
-    """J: what each coordinate's velocity adds to each row's speed."""
-    m = now.mechanism
-    J: list[list[Scalar]] = []
-    for line in rows:
-        row: list[Scalar] = [0.0] * m.nv
-        for s, factor in line.turns.items():
-            row[s] = row[s] + factor
-        if line.K is not None:
-            for body, sign in ((line.a, -1.0), (line.b, 1.0)):
-                K = line.K * sign
-                for i in m.support(body):
-                    for column, s in zip(now.S[i], m.joints[i].v, strict=True):
-                        row[s] = row[s] + column.dot(K)
-        J.append(now.out_of_world(row))
-    return J
+    """J as a full matrix, free roots' velocities in their own axes."""
+    n = now.mechanism.nv
+    return [now.out_of_world([row.get(s, 0.0) for s in range(n)]) for row in jacobian(now, rows)]
 
 
 def _sizes(closures: Sequence[Closure]) -> list[int]:

@@ -3,7 +3,7 @@
 symbol   meaning
 Λ        J M⁻¹ Jᵀ: how much velocity along one row an impulse along another gives; singular where rows repeat each other
 μ        what is added to its diagonal: a part of the diagonal's mean, far above rounding
-P        of each loop, what of its rows no motion has: (μ (Λ + μ)⁻¹)² of its own block with a smaller μ: 1 there, 0 elsewhere
+P        of each loop, what of its rows no motion has: μ (Λ + μ)⁻¹ of its own block with a smaller μ: 1 there, 0 elsewhere
 
 A solution of (Λ + μ) x = b is corrected by those for what it leaves of Λ x = b: the proximal point method, which converges
 where Λ is singular too, to the solution nearest to 0. Carpentier, Budhiraja, Mansard, Proximal and Sparse Resolution of
@@ -24,10 +24,10 @@ from articulated.scalar import Scalar, is_zero, reciprocal, rounding, where
 CORRECTIONS = 2
 _POWER = 2.0 / 3.0
 """μ is rounding to this power: 4e-11 in float64."""
-_SHARP = 0.8
-"""And that of P to this one: 3e-13. A milliradian from a singular place Λ has entries of 1e-6: these are not nothing."""
+_SHARP = 0.9
+"""And that of P to this one: 8e-15. A milliradian from a singular place Λ has entries of 1e-6: these are not nothing."""
 _IDLE = 10.0
-"""A row is idle if others leave less than this part of its own entry, times rounding to the same power."""
+"""A row is idle if others leave less than this part of its own entry, times rounding to that power."""
 
 Pair = tuple[int, int]
 
@@ -75,10 +75,10 @@ class Factor:
         self.matrix = {pair: x for pair, x in matrix.items() if not is_zero(x)}
         diagonal = [self.matrix.get((k, k), 0.0) for k in range(n)]
         mean = sum(diagonal, 0.0) * (1.0 / n) if n else 0.0
-        small = rounding(mean) ** _POWER
-        mu = mean * small
+        sharp = rounding(mean) ** _SHARP
+        mu = mean * rounding(mean) ** _POWER
         pairs = list(_blocks(sizes))
-        P = _unmoved(self.matrix, sizes, mean * rounding(mean) ** _SHARP) if known is None else known.P
+        P = _unmoved(self.matrix, sizes, mean * sharp) if known is None else known.P
         for k, x in (soft or {}).items():
             self.matrix[k, k] = self.matrix.get((k, k), 0.0) + x
         held = dict(self.matrix)
@@ -96,7 +96,7 @@ class Factor:
         self._Dinv: list[Scalar] = [0.0] * n
         self._L: list[dict[int, Scalar]] = [{} for _ in range(n)]
         for i, k in enumerate(self.order):
-            idle[k] = where(D[i] < own[i] * (_IDLE * small), 1.0, 0.0) if known is None else known.idle[k]
+            idle[k] = where(D[i] < own[i] * (_IDLE * sharp), 1.0, 0.0) if known is None else known.idle[k]
             pivot = D[i] + mu
             Dinv = 0.0 if is_zero(pivot) else reciprocal(pivot)
             self._Dinv[i] = where(idle[k] > 0.5, 0.0, Dinv) if leaves_out else Dinv
@@ -162,9 +162,8 @@ def _unmoved(matrix: Mapping[Pair, Scalar], sizes: Sequence[int], mu: Scalar) ->
         mean = sum((block[j][j] for j in range(size)), 0.0) * (1.0 / size)
         for j in range(size):
             block[j][j] = block[j][j] + mu
-        inverse, weight = _inverse(block), mu * mu * mean
-        for j in range(size):
-            result += [weight * sum(a * b for a, b in zip(inverse[j], inverse[k], strict=True)) for k in range(j, size)]
+        inverse, weight = _inverse(block), mu * mean
+        result += [weight * inverse[j][k] for j in range(size) for k in range(j, size)]
         first += size
     return result
 

@@ -17,7 +17,7 @@ from articulated.dynamics.functions import inverse_dynamics
 from articulated.dynamics.loops.closure import Closure, closures
 from articulated.dynamics.loops.constrained import closed_state, constrained, jacobian_rows, rows_at
 from articulated.dynamics.mechanism import Mechanism
-from articulated.dynamics.sweep import Sweep
+from articulated.dynamics.sweep import Sweep, Ties
 from articulated.dynamics.tree import in_world
 from articulated.rig import Rig
 from articulated.rig.loop import Loop
@@ -251,7 +251,7 @@ def _project_velocity(m: Mechanism, q, v, closures: Sequence[Closure]) -> list[S
     now, rows = rows_at(m, closures, q)
     v_world = in_world(now, v)
     V = now.velocities(v_world)
-    sizes = [closure.size for closure in closures]
-    sweep = Sweep(now, [0.0] * m.nv, m.armature, lines=rows, sizes=sizes)
+    ties = Ties(rows, [closure.size for closure in closures])
+    sweep = Sweep(now, [0.0] * m.nv, m.armature, ties=ties)
     dv = sweep.corrected([-line.speed(V, v_world) for line in rows], corrections=2)
     return [a + b for a, b in zip(v, now.out_of_world(dv), strict=True)]

@@ -31,6 +31,9 @@ MAX_SWEEPS = 40
 BOUNDED = 3
 """Sweeps that bound the slope of friction."""
 
+_REFINED = 0
+"""How often a sweep's solution for the pulls of loops is refined: positions are corrected besides."""
+
 _FAR = 1e30
 """An error before there is any."""
 
@@ -85,7 +88,7 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
         bend: velocities of the rows of loops.
     """
     if not (terms.contacts or terms.joints):
-        v, _, pulls = sweep.solve(sweep.unloaded(), bend)
+        v, _, pulls = sweep.solve(sweep.unloaded(), bend, _REFINED)
         return replace(start, v=[v[s] for s in sweep.moving], pulls=pulls, error=0.0)
 
     def turn(at: Iterate) -> Iterate:
@@ -120,7 +123,7 @@ def _whole_step(sweep: Sweep, terms: Terms, at: Iterate, bend: Sequence[Scalar])
             load.on_joint(joint.direction, *given(joint.near, partial(_linear, answer, G, u), [0.0, 0.0]))
         g.joints.append(answer)
         slopes.append(G)
-    v, V, pulls = sweep.solve(load, bend)
+    v, V, pulls = sweep.solve(load, bend, _REFINED)
     u = terms.velocities(V, v)
     du = u.minus(at.u)
     for reaction, dx in zip(reactions, du.contacts, strict=True):

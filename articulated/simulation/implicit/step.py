@@ -12,7 +12,7 @@ from functools import partial
 
 from articulated.dynamics.loops.closure import lines
 from articulated.dynamics.mechanism import WORLD
-from articulated.dynamics.sweep import Sweep
+from articulated.dynamics.sweep import Sweep, Ties
 from articulated.dynamics.tree import Tree, along_coordinates, in_world, tree
 from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import folded, gaps
@@ -45,7 +45,8 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     bodies = [c.body for c in terms.contacts] + [i for line in ropes for i in (line.a, line.b)]
     coordinates = [s for j in terms.joints for s in j.direction]
     p = [a + b for a, b in zip(p, carried, strict=True)]
-    sweep = Sweep(now, p, mass, [i for i in bodies if i != WORLD], coordinates, [*loops, *ropes], scene.sizes)
+    ties = Ties([*loops, *ropes], scene.sizes, len(ropes))
+    sweep = Sweep(now, p, mass, [i for i in bodies if i != WORLD], coordinates, ties)
     start_at, tolerance = begin(sweep, terms, now, v), forces.numbers.tolerance
     bend = bends(now, start.q, v, V, loops, h)
     if scene.rebounds:
@@ -61,7 +62,7 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     stance = _stance(start.stance, terms, found, forces, efforts, h)
     if not (scene.loops or scene.rebounds):
         return Standing(*moved(now, start.q, v_new, v_new, h), work, stance)
-    q_new, v_end = closed_step(scene, now, sweep, start.q, v_moving, v_new, h)
+    q_new, v_end = closed_step(scene, now, start.q, v_moving, v_new, h)
     (_, v_out), (_, v_along), (_, v_on) = (moved(now, start.q, v_moving, x, h) for x in (v_end, v_moving, v_new))
     shift, carry = ([a - b for a, b in zip(x, v_out, strict=True)] for x in (v_along, v_on))
     stance = replace(stance, shift=shift if scene.rebounds else [], carry=carry if scene.loops else [])
