@@ -140,6 +140,10 @@ def _info(options: argparse.Namespace) -> int:
         for link in rig.links.values():
             body = "(the world)" if link.body < 0 else rig.bodies[link.body].name
             print(f"{link.name:<32} {link.index:5d} {body:<32} {link.mass:8.4g}")
+    if rig.loops:
+        print(f"\n{'loop':<32} {'kind':<12} {'between':<32} {'and':<32}")
+    for loop in rig.loops:
+        print(f"{loop.name:<32} {loop.kind:<12} {loop.link_a or '(the world)':<32} {loop.link_b or '(the world)':<32}")
     if rig.ignored:
         print("\nnot used: " + ", ".join(f"{tag} ×{count}" for tag, count in rig.ignored.items()))
     return OK
@@ -155,6 +159,8 @@ def _simulate(options: argparse.Namespace) -> int:
     v0 = np.zeros(rig.nv)
     _assign(rig, q0, options.pose, "--pose", lambda joint: joint.q_slice)
     _assign(rig, v0, options.velocity, "--velocity", lambda joint: joint.v_slice)
+    if rig.loops:
+        q0 = art.assemble(rig, q_guess=q0, hold=[pose.partition("=")[0] for pose in options.pose])
     simulation = art.Simulation(
         rig,
         dt=options.dt,

@@ -14,6 +14,7 @@ from articulated.compiler.c_source import declaration, definition, identifier, p
 from articulated.dynamics.boundary import GRAVITY, Argument, checked
 from articulated.dynamics.functions import programs
 from articulated.rig import Rig
+from articulated.rig.errors import Place
 from articulated.scalar import Nested, rebuilt
 from articulated.simulation.describe import described
 from articulated.simulation.forces import Forces
@@ -70,6 +71,9 @@ def export_c(
         f"{prefix}.c": _source(prefix, [known[name] for name in chosen], single),
         "example.c": _example(rig, prefix, known[chosen[0]], single) if chosen else "int main(void) { return 0; }\n",
     }
+    if rig.loops:
+        names = ", ".join(repr(loop.name) for loop in rig.loops)
+        Place(rig.name).warn(f"loops {names} are not part of what is exported", "it moves as an open tree there")
     folder = Path(directory)
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():

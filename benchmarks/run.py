@@ -21,6 +21,7 @@ from collections.abc import Callable
 
 import numpy as np
 from contact import contact, contact_growth, stepping
+from loops import loop_growth, loops
 from peers import Native, Pinocchio, mujoco_forward
 from rigs import ROBOTS, chain, robot
 from timing import at_once, median, pin_to_one_core, ratio, setting, timed, turns
@@ -342,6 +343,8 @@ TABLES = {
     "contact": contact,
     "stepping": stepping,
     "contact_growth": contact_growth,
+    "loops": loops,
+    "loop_growth": loop_growth,
 }
 ALL_CORES = os.sched_getaffinity(0)
 

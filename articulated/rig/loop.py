@@ -108,11 +108,16 @@ class Loop:
         if not math.isfinite(self.offset):
             raise ValueError(f"offset of {self} is {self.offset!r}; expected a finite number")
         z_a, z_b = self._direction("axis"), self._direction("axis2" if self.kind == "universal" else "axis")
-        A, B = (self._pose(f"pose_{end}") @ z for end, z in (("a", z_a), ("b", z_b)))
-        object.__setattr__(self, "frames", (A, B))
+        A, B = self.poses
+        object.__setattr__(self, "frames", (A @ z_a, B @ z_b))
 
     def __str__(self) -> str:
         return f"loop {self.name!r}"
+
+    @property
+    def poses(self) -> tuple[np.ndarray, np.ndarray]:
+        """A and B as matrices, as they are given."""
+        return self._pose("pose_a"), self._pose("pose_b")
 
     @property
     def rows(self) -> tuple[str, ...]:

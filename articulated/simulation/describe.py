@@ -73,7 +73,7 @@ def _scene(
     if not some:
         warnings.warn(
             f"rig {rig.name!r} has no collision shape on a link that moves: it falls through the ground; give its links"
-            " collision shapes, or the simulation contacts=[art.ContactPoint(…), …]",
+            " collision shapes, or the simulation contact_points=[art.ContactPoint(…), …]",
             RigWarning,
             stacklevel=5,
         )

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, checked
+from articulated.dynamics.loops.assembly import assemble
 from articulated.dynamics.loops.functions import closed, gaps
 from articulated.rig import Loop, Rig
 from articulated.scalar import flatten
@@ -118,8 +119,8 @@ class Simulation:
             state = simulation.reset(q0, v0, state, where=fallen)
 
         Args:
-            q: configurations, shape (..., nq), with loops closed to a millimetre; None is the neutral one. float32, with v,
-                makes all that follows float32.
+            q: configurations, shape (..., nq), with loops closed to a millimetre; None is the neutral one, or the nearest
+                that is closed. float32, with v, makes all that follows float32.
             v: generalized velocities, shape (..., nv); None is rest. Of these, what would open loops is left out.
             state: the batch under way.
             where: which of its states begin anew, booleans of its leading shape.
@@ -128,7 +129,9 @@ class Simulation:
             ValueError: an array does not fit the rig, is not finite, a quaternion is not of unit length, or loops are open.
         """
         rig = self.rig
-        q = checked(rig, Argument("q0", rig.neutral() if q is None else q, (rig.nq,), role="q"))
+        if q is None:
+            q = assemble(rig, self.loops) if self._world.scene.rows else rig.neutral()
+        q = checked(rig, Argument("q0", q, (rig.nq,), role="q"))
         v = checked(rig, Argument("v0", np.zeros(rig.nv) if v is None else v, (rig.nv,)))
         try:
             batch = np.broadcast_shapes(q.shape[:-1], v.shape[:-1])

@@ -24,6 +24,8 @@ _FIRST, _SHORTEST = 0.25, 1e-3
 _ITERATIONS = 60
 _DAMPING = 1e-6
 """Of the first try of each step, over the mean square of the Jacobian's columns."""
+_FARTHEST = 0.3
+"""No coordinate goes farther in a step [rad, m]: near a singular place it would go anywhere."""
 _NEAR = 1e-3
 """A step may end so much farther away, over its own length, than where it was to go; then it is only refined at the end."""
 
@@ -121,6 +123,7 @@ class _Problem:
                 break
             J = np.where(self.ropes[:, None] & (error <= 0.0)[:, None], 0.0, loop_jacobian(self.rig, self.loops, q))
             moved = self._step(q, J, error, damping)
+            moved *= min(1.0, _FARTHEST / max(np.abs(moved).max(initial=0.0), 1e-30))
             new = self._within(integrate(self.rig, q, moved))
             new_error = self.gaps(new) - wanted
             new_cost = float(new_error @ new_error)

@@ -83,9 +83,10 @@ def add_constraints(robot: etree._Element, rig: Rig, origin: Callable[[etree._El
             lost.append(loop.name)
             continue
         element = etree.SubElement(robot, "constraint", name=loop.name, type=types[loop.kind])
-        for end, link, frame in zip(("parent", "child"), (loop.link_a, loop.link_b), loop.frames, strict=True):
+        axes = loop.axis, loop.axis if loop.axis2 is None else loop.axis2
+        for end, link, pose, axis in zip(("parent", "child"), (loop.link_a, loop.link_b), loop.poses, axes, strict=True):
             etree.SubElement(element, end, link=str(link))
-            origin(element, frame, f"{end}_origin")
-            if loop.axis is not None:  # frames are turned so that their axis is z
-                etree.SubElement(element, f"{end}_axis", xyz="0 0 1")
+            origin(element, pose, f"{end}_origin")
+            if axis is not None:
+                etree.SubElement(element, f"{end}_axis", xyz=" ".join(repr(float(x)) for x in np.asarray(axis)))
     return lost

@@ -448,7 +448,7 @@ class TestTrouble:
             art.Loop("point", None, (0, 0, 0.0), "weight", None, name="here"),
             art.Loop("point", None, (0, 0, 5e-4), "weight", None, name="there"),
         ]
-        run = art.Simulation(rig, loops=loops).run(duration=0.1, fps=10)
+        run = art.Simulation(rig, loops=loops).run(rig.neutral(), duration=0.1, fps=10)
         assert not run.report.passed
         assert "here: z" in str(run.report)
         assert "there: z" in str(run.report)

@@ -1,0 +1,153 @@
+"""What the sweep carries: what a load adds to bodies and joints, and how far a tree has been folded. See `sweep`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+from articulated.dynamics.elimination import Closed, Elimination, Row
+from articulated.dynamics.loops.closure import Line
+from articulated.dynamics.loops.factor import Factor
+from articulated.dynamics.mechanism import WORLD
+from articulated.dynamics.tree import Tree
+from articulated.scalar import Scalar, given, unfolded
+from articulated.spatial import ArticulatedInertia, Force, Mat3, Sym3, Vec3
+
+
+@dataclass(eq=False)
+class Load:
+    """With what terms add: inertia and bias of bodies; to momenta and masses of coordinates, and between those of a joint."""
+
+    IA: list[ArticulatedInertia]
+    pA: list[Force]
+    p: dict[int, Scalar]
+    mass: dict[int, Scalar]
+    between: dict[tuple[int, int], Scalar]
+    lines: dict[int, tuple[Scalar, Scalar]]
+
+    def on_body(self, i: int, acts: Scalar, inertia: ArticulatedInertia, bias: Force) -> None:
+        """Add something that is nothing unless the mask `acts` holds."""
+        new = given(acts, lambda: [*self.IA[i] + inertia, *self.pA[i] + bias], [*self.IA[i], *self.pA[i]])
+        self.IA[i], self.pA[i] = ArticulatedInertia.of(new[:21]), Force.of(new[21:])
+
+    def on_joint(self, direction: dict[int, Scalar], mass: Scalar, p: Scalar) -> None:
+        for s, x in direction.items():
+            self.p[s] = self.p.get(s, 0.0) + p * x
+            self.mass[s] = self.mass.get(s, 0.0) + mass * x * x
+            for t, y in direction.items():
+                if t > s:
+                    self.between[s, t] = self.between.get((s, t), 0.0) + mass * x * y
+
+    def on_line(self, k: int, mass: Scalar, p: Scalar) -> None:
+        """Let row k give way: not K v = c, but λ = p − mass K v."""
+        self.lines[k] = mass, p
+
+
+@dataclass(eq=False)
+class Folded:
+    """How far a tree has been folded.
+
+    Attributes:
+        IA, pA: what each body shows by then.
+        K: of each row of loops, what a unit of its pull is on bodies that have not been folded.
+        open: the rows left open below it.
+        eliminations: of bodies that have been folded.
+        left: of each row, what is left of it for coordinates still open.
+        w: and for coordinates given up.
+        matrix, free: Λ and K v₀ by then.
+        soft: of rows that give way, how much they do.
+        factor: of Λ, if it is there already.
+    """
+
+    IA: list[ArticulatedInertia]
+    pA: list[Force]
+    K: list[dict[int, Force]]
+    open: dict[int, list[dict[int, Row]]]
+    eliminations: dict[int, Elimination]
+    left: list[dict[int, Scalar]]
+    w: dict[int, dict[int, Scalar]]
+    matrix: dict[tuple[int, int], Scalar]
+    free: list[Scalar]
+    soft: dict[int, Scalar] = field(default_factory=dict)
+    factor: Factor | None = None
+
+    @staticmethod
+    def begin(tree: Tree, p: Sequence[Scalar], lines: Sequence[Line]) -> Folded:
+        n = tree.mechanism.nbodies
+
+        def plain(entries: Iterable[Scalar]) -> Iterator[Scalar]:
+            # bits are the same if a load might act but does not
+            return (unfolded(x, p) for x in entries)
+
+        def loadable(inertia: ArticulatedInertia) -> ArticulatedInertia:
+            H = Mat3(*(Vec3(*plain(row)) for row in inertia.H.rows))
+            return ArticulatedInertia(Sym3(*plain(inertia.J)), H, Sym3(*plain(inertia.M)))
+
+        nothing = Vec3(*plain((0.0, 0.0, 0.0)))
+        IA, m = [loadable(tree.inertia(i).articulated()) for i in range(n)], len(lines)
+        start = Folded(
+            IA,
+            [Force(nothing, nothing)] * n,
+            [{} for _ in range(m)],
+            {i: [] for i in range(WORLD, n)},
+            {},
+            [{} for _ in range(m)],
+            {},
+            {},
+            [0.0] * m,
+        )
+        for k, line in enumerate(lines):
+            if line.K is not None:
+                for body, sign in ((line.a, -1.0), (line.b, 1.0)):
+                    if body != WORLD:
+                        start.pull(body, k, line.K * sign)
+        return start
+
+    def pull(self, body: int, k: int, K: Force) -> None:
+        """Add to what a unit of pull k is on a body."""
+        self.K[k][body] = self.K[k][body] + K if body in self.K[k] else K
+
+    def copy(self, load: Load) -> Folded:
+        """Another, with a load."""
+        return replace(
+            self,
+            IA=list(load.IA),
+            pA=list(load.pA),
+            K=[dict(some) for some in self.K],
+            open={
+                i: [{s: Row(row.U, dict(row.D), row.u) for s, row in rows.items()} for rows in parts]
+                for i, parts in self.open.items()
+            },
+            eliminations=dict(self.eliminations),
+            left=[dict(some) for some in self.left],
+            w={s: dict(some) for s, some in self.w.items()},
+            matrix=dict(self.matrix),
+            free=list(self.free),
+        )
+
+    def close(self, k: int, closed: Closed, w: Scalar) -> Scalar:
+        """Count in what is left of row k for a coordinate that has been given up; D⁻¹ w is returned."""
+        scaled = w * closed.Dinv
+        for t, d in closed.D.items():
+            self.left[k][t] = self.left[k].get(t, 0.0) - d * scaled
+        others = self.w.setdefault(closed.s, {})
+        others[k] = w
+        for j, x in others.items():
+            self.matrix[j, k] = self.matrix.get((j, k), 0.0) + x * scaled
+        self.free[k] = self.free[k] + scaled * closed.u
+        return scaled
+
+    def pulled(self, closed: Closed, pulls: Sequence[Scalar]) -> Scalar:
+        """What pulls of these sizes add to u."""
+        return sum((pulls[k] * w for k, w in self.w.get(closed.s, {}).items()), 0.0)
+
+    def with_pulls(self, pulls: Sequence[Scalar]) -> Callable[[Closed], Scalar]:
+        """The right sides with pulls."""
+        return lambda closed: closed.u + self.pulled(closed, pulls) if closed.s in self.w else closed.u
+
+    def change(self, target: Sequence[Scalar], given: Mapping[int, tuple[Scalar, Scalar]]) -> list[Scalar]:
+        """What pulls must add to the rows' velocities; where these give way, as if they did not."""
+        wanted = [*target, *[0.0] * (len(self.free) - len(target))]
+        for k, (_, p) in given.items():
+            wanted[k] = p * self.soft[k]
+        return [c - x for c, x in zip(wanted, self.free, strict=True)]
