@@ -219,7 +219,7 @@ class Rig:
         for what, given in properties.items():
             if what not in ("damping", "friction", "armature"):
                 raise ValueError(f"unknown joint property {what!r}; expected damping, friction or armature")
-            named = given if isinstance(given, Mapping) else {n: given for n, j in joints.items() if j.parent}
+            named = given if isinstance(given, Mapping) else {n: given for n, j in joints.items() if not self.is_root(j)}
             for name, value in named.items():
                 if name not in joints:
                     raise ValueError(f"rig {self.name!r} has no moving joint {name!r}")
@@ -227,6 +227,10 @@ class Rig:
                     raise ValueError(f"{what} of joint {name!r} is {value!r}; expected a finite number, zero or more")
                 joints[name] = replace(joints[name], **{what: float(value)})
         return replace(self, joints=MappingProxyType(joints))
+
+    def is_root(self, joint: Joint) -> bool:
+        """Whether a joint lets a rig float or slide in the world, so that no motor and no bearing is there."""
+        return joint.kind in ("floating", "planar") and (not joint.parent or self.links[joint.parent].body < 0)
 
     def to_urdf(self) -> str:
         """This rig as URDF text, from which `load` makes the same rig again (with the same `root`)."""

@@ -203,7 +203,7 @@ def own_loops(rig: Rig, loops: Loops) -> Sequence[Loop]:
 def _driven(rig: Rig, actuated: Sequence[str] | None) -> np.ndarray:
     driven = np.zeros(rig.nv, dtype=bool)
     if actuated is None:
-        actuated = [j.name for j in rig.joints.values() if not j.mimic and j.parent]
+        actuated = [j.name for j in rig.joints.values() if not (j.mimic or rig.is_root(j))]
     for name in [actuated] if isinstance(actuated, str) else actuated:
         if (joint := rig.joints.get(name)) is None:
             raise ValueError(f"actuated: rig {rig.name!r} has no moving joint {name!r}")
