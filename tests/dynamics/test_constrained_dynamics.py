@@ -315,3 +315,16 @@ def test_bennett_follows_its_own_relation():
         q = bennett_angles(theta)
         assert np.abs(art.loop_gaps(rig, None, q)).max() < 1e-13
         assert np.linalg.matrix_rank(art.loop_jacobian(rig, None, q), 1e-9) == 2
+
+
+@pytest.mark.parametrize("name", ["four bar", "delta", "crane", "gears", "bar"])
+def test_compiled_is_as_interpreted(name, monkeypatch):
+    rig, loops, q, v, tau, _ = closed_states(name, 9)
+    compiled = art.constrained_dynamics(rig, loops, q, v, tau)
+    single = art.constrained_dynamics(rig, loops, *(x.astype(np.float32) for x in (q, v, tau)))
+    monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
+    interpreted = art.constrained_dynamics(rig, loops, q, v, tau)
+    size = np.abs(interpreted[0]).max()
+    np.testing.assert_allclose(compiled[0], interpreted[0], atol=1e-8 * size)
+    assert single[0].dtype == np.float32
+    np.testing.assert_allclose(single[0], interpreted[0], atol=1e-2 * size)

@@ -14,6 +14,7 @@ from articulated.dynamics import configuration, energy, kinematics, momentum, pa
 from articulated.dynamics.forward_dynamics import forward_dynamics
 from articulated.dynamics.inverse_dynamics import inverse_dynamics
 from articulated.dynamics.jacobian import jacobian
+from articulated.dynamics.loops.constrained import closed_state, constrained
 from articulated.dynamics.mass_matrix import mass_matrix
 from articulated.dynamics.mechanism import mechanism
 from articulated.scalar import flatten, rebuilt
@@ -85,6 +86,8 @@ class Opaque:
     def absolute(self):
         return Opaque(abs(self._secret))
 
+    rounding = 2.0**-52
+
 
 def _unary(function):
     return lambda self: Opaque(function(self._secret))
@@ -151,6 +154,37 @@ def test_algorithm(name, seed):
     given, target = rebuilt(like, iter(numbers.tolist())), rig.random(rng).tolist()
     plain = run(m, q, v, Forces(scene, tau, external, g, given, target), g)
     hidden = run(m, hide(q), hide(v), Forces(scene, hide(tau), hide(external), hide(g), given, hide(target)), hide(g))
+    assert reveal(hidden) == reveal(plain)
+
+
+LOOPED = {
+    "constrained_dynamics": lambda m, q, v, f, g: constrained(m, f.scene.loops, q, v, f.tau, g, f.external).a,
+    "closed_state": lambda m, q, v, f, g: list(closed_state(m, f.scene.loops, q, v)),
+    "semi_implicit": ALGORITHMS["semi_implicit"],
+    "rk4": lambda m, q, v, f, g: runge_kutta_step(RK4, Point(q, v, 0.0 * g[0], [0.0] * len(f.scene.rows)), f, 0.001),
+}
+
+
+@pytest.mark.parametrize("name", LOOPED)
+@pytest.mark.parametrize("seed", [7, 10])
+def test_algorithm_with_loops(name, seed):
+    rig = random_rig(seed, mimic=True, armature=True, size=9)
+    m, rng = mechanism(rig), np.random.default_rng(seed)
+    q, v, tau, external, g = (
+        x.tolist()
+        for x in (rig.random(rng), *rng.normal(size=(2, rig.nv)), rng.normal(size=(rig.nlinks, 6)), rng.normal(size=3))
+    )
+    a, b = [link.name for link in rig.links.values() if link.body >= 0][-2:]
+    loops = [
+        art.Loop("hinge", None, (0.1, 0.2, 0.3), a, None, axis=(0, 1, 0), name="hinge"),
+        art.Loop("distance", None, None, b, None, length=0.7, name="rod"),
+        art.Loop("distance", None, (1, 0, 0), b, None, length=0.1, rope=True, name="rope"),
+    ]
+    scene, like, numbers = described(rig, None, None, False, None, 1e-6, loops)
+    given, run = rebuilt(like, iter(numbers.tolist())), LOOPED[name]
+    plain = run(m, q, v, Forces(scene, tau, external, g, given), g)
+    hidden = run(m, hide(q), hide(v), Forces(scene, hide(tau), hide(external), hide(g), given), hide(g))
+    assert np.isfinite(flatten(reveal(plain))).all()
     assert reveal(hidden) == reveal(plain)
 
 

@@ -44,8 +44,7 @@ class Constrained:
 
     def projected(self, change: Sequence[Scalar]) -> list[Scalar]:
         """The least change of velocity, by kinetic energy, that gives the rows this change."""
-        dv = self.sweep.corrected(change)
-        return self.now.out_of_world(dv)
+        return self.now.out_of_world(self.sweep.corrected(change))
 
 
 def constrained(
@@ -74,12 +73,8 @@ def constrained(
     p = [t - f for t, f in zip(in_world(now, tau), along_coordinates(now, F), strict=True)]
     ties = Ties(rows, _sizes(closures), known=known, leaves_out=known is not None)
     sweep = Sweep(now, p, m.armature, ties=ties)
-    target = [
-        -line.curvature(V, A) - (2.0 * rate) * line.speed(V, v_world) - (rate * rate) * line.gap
-        if rate
-        else -line.curvature(V, A)
-        for line in rows
-    ]
+    closing = [(2.0 * rate) * line.speed(V, v_world) + (rate * rate) * line.gap for line in rows]
+    target = [-(line.curvature(V, A) + x) for line, x in zip(rows, closing, strict=True)]
     _, _, pulls = sweep.solve(sweep.unloaded(), target)
     return Constrained(now, sweep, now.out_of_world(sweep.rest((), pulls)), pulls)
 
