@@ -12,9 +12,10 @@ from numpy.typing import ArrayLike
 from articulated.rig.assembly import assemble
 from articulated.rig.description import JointDescription, LinkDescription, check_joint, check_link
 from articulated.rig.errors import Place
+from articulated.rig.fit import check_loop
 from articulated.rig.frames import pose_of, snapped
 from articulated.rig.joint import ALIASES, Limits, Mimic
-from articulated.rig.loop import Loop, check_loop
+from articulated.rig.loop import Loop
 from articulated.rig.rig import Rig
 from articulated.rig.shapes import Geometry, Shape
 

@@ -8,8 +8,9 @@ from dataclasses import replace
 
 from articulated.rig.builder import RigBuilder
 from articulated.rig.errors import RigWarning
+from articulated.rig.fit import is_world
 from articulated.rig.joint import Joint
-from articulated.rig.loop import Loop, is_world
+from articulated.rig.loop import Loop
 from articulated.rig.rig import Rig
 
 WORLD = "world"

@@ -6,15 +6,12 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulated.rig.joint import KINDS, Joint
+from articulated.rig.loop import Loop
 from articulated.rig.shapes import Shape
-
-if TYPE_CHECKING:
-    from articulated.rig.loop import Loop
 
 _ENDLESS = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""

@@ -20,7 +20,8 @@ from dataclasses import dataclass
 from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.dynamics.tree import Tree
 from articulated.rig import Rig
-from articulated.rig.loop import KINDS, Loop, check_loop, is_world
+from articulated.rig.fit import check_loop, is_world
+from articulated.rig.loop import KINDS, Loop
 from articulated.scalar import Scalar, maximum, sqrt
 from articulated.spatial import Force, Mat3, Motion, Pose, Vec3
 

@@ -7,22 +7,13 @@ coincide.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING
-
 import numpy as np
-from lxml import etree
 
 from articulated.rig.builder import RigBuilder
 from articulated.rig.loop import Loop
 from articulated.rig.urdf.origin import origin_of
+from articulated.rig.urdf.writer import CONSTRAINTS
 from articulated.rig.urdf.xml import Node
-
-if TYPE_CHECKING:
-    from articulated.rig.rig import Rig
-
-KINDS = {"spherical": "point", "revolute": "hinge", "prismatic": "slider", "universal": "universal", "link": "weld"}
-"""Types of `<constraint>`, and our kinds of loops; a type may also end in _joint."""
 
 DRAKE = "{http://drake.mit.edu}"
 BALL = f"{DRAKE}ball_constraint"
@@ -43,9 +34,11 @@ def read_constraints(robot: Node, builder: RigBuilder) -> None:
 
 def _constraint(node: Node, builder: RigBuilder) -> None:
     type_ = node.need_text("type")
-    kind = KINDS.get(type_.removesuffix("_joint"))
+    kind = CONSTRAINTS.get(type_.removesuffix("_joint"))
     if kind is None:
-        raise node.place.error(f"unknown type {type_!r}", f"use one of {', '.join(KINDS)}; add others with RigBuilder.loop")
+        raise node.place.error(
+            f"unknown type {type_!r}", f"use one of {', '.join(CONSTRAINTS)}; add others with RigBuilder.loop"
+        )
     ends = [node.need(end).need_text("link") for end in ("parent", "child")]
     poses = [origin_of(node, f"{end}_origin") for end in ("parent", "child")]
     axes: dict[str, list[float]] = {}
@@ -73,20 +66,3 @@ def _add(node: Node, builder: RigBuilder, kind: str, ends: list[str], poses: lis
     except ValueError as error:
         raise node.place.error(str(error), "correct it") from None
     builder.loop(loop, place=node.place)
-
-
-def add_constraints(robot: etree._Element, rig: Rig, origin: Callable[[etree._Element, np.ndarray, str], None]) -> list[str]:
-    """Write a rig's loops; the names of those that the element cannot say are returned."""
-    types, lost = {kind: type_ for type_, kind in KINDS.items()}, []
-    for loop in rig.loops:
-        if loop.kind not in types or None in (loop.link_a, loop.link_b):
-            lost.append(loop.name)
-            continue
-        element = etree.SubElement(robot, "constraint", name=loop.name, type=types[loop.kind])
-        axes = loop.axis, loop.axis if loop.axis2 is None else loop.axis2
-        for end, link, pose, axis in zip(("parent", "child"), (loop.link_a, loop.link_b), loop.poses, axes, strict=True):
-            etree.SubElement(element, end, link=str(link))
-            origin(element, pose, f"{end}_origin")
-            if axis is not None:
-                etree.SubElement(element, f"{end}_axis", xyz=" ".join(repr(float(x)) for x in np.asarray(axis)))
-    return lost

@@ -10,13 +10,16 @@ from lxml import etree
 
 from articulated.rig.errors import Place
 from articulated.rig.joint import Joint
+from articulated.rig.loop import Loop
 from articulated.rig.shapes import Box, Mesh, Shape, Sphere
-from articulated.rig.urdf.constraints import add_constraints
 
 if TYPE_CHECKING:
     from articulated.rig.rig import FixedJoint, Link, Rig
 
 _TINY = 1e-13
+
+CONSTRAINTS = {"spherical": "point", "revolute": "hinge", "prismatic": "slider", "universal": "universal", "link": "weld"}
+"""Types of `<constraint>`, and our kinds of loops; a type may also end in _joint."""
 
 
 def urdf_text(rig: Rig) -> str:
@@ -30,7 +33,7 @@ def urdf_text(rig: Rig) -> str:
         joint = hangs_by.get(link.name)
         if joint is not None and joint.parent:
             _add_joint(robot, joint)
-    if lost := add_constraints(robot, rig, _add_origin):
+    if lost := [loop.name for loop in rig.loops if not _add_constraint(robot, loop)]:
         names = ", ".join(map(repr, lost))
         Place(rig.name).warn(f"URDF has no constraint for loops {names}", "add them again with RigBuilder.loop or loops=[…]")
     return etree.tostring(robot, pretty_print=True, encoding="unicode")
@@ -89,6 +92,21 @@ def _add_joint(robot: etree._Element, joint: Joint | FixedJoint) -> None:
     if joint.mimic:
         numbers = {"multiplier": _words([joint.mimic.multiplier]), "offset": _words([joint.mimic.offset])}
         etree.SubElement(element, "mimic", {"joint": joint.mimic.joint, **numbers})
+
+
+def _add_constraint(robot: etree._Element, loop: Loop) -> bool:
+    """Whether there is a constraint for a loop, which then is added."""
+    types = {kind: type_ for type_, kind in CONSTRAINTS.items()}
+    if loop.kind not in types or None in (loop.link_a, loop.link_b):
+        return False
+    element = etree.SubElement(robot, "constraint", name=loop.name, type=types[loop.kind])
+    axes = loop.axis, loop.axis if loop.axis2 is None else loop.axis2
+    for end, link, pose, axis in zip(("parent", "child"), (loop.link_a, loop.link_b), loop.poses, axes, strict=True):
+        etree.SubElement(element, end, link=str(link))
+        _add_origin(element, pose, f"{end}_origin")
+        if axis is not None:
+            etree.SubElement(element, f"{end}_axis", xyz=_words(np.asarray(axis)))
+    return True
 
 
 def _add_origin(parent: etree._Element, pose: np.ndarray, tag: str = "origin") -> None:
