@@ -30,6 +30,9 @@ from articulated.trajectory import Trajectory
 _OPEN = 1e-3
 """A loop may be so far open at the start [m, rad]: digits that were cut. It is closed then."""
 
+_TOO_LONG = 0.05
+"""A rope may be so much too long [m]: it gives way under a load."""
+
 Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
 
 
@@ -148,15 +151,18 @@ class Simulation:
     def _closed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The closed states nearest to some."""
         scene, rig = self._world.scene, self.rig
-        if not scene.loops:
-            return q, v
-        gap = np.abs(gaps(rig, scene.loops, q, self.threads)).max(initial=0.0, axis=tuple(range(q.ndim - 1)))
-        if (gap > _OPEN).any():
-            worst = int(np.argmax(gap))
+        gap, ropes = gaps(rig, (*scene.loops, *scene.ropes), q, self.threads), len(scene.ropes)
+        axes, some = tuple(range(q.ndim - 1)), gap.shape[-1] - ropes
+        gap = np.concatenate([np.abs(gap[..., :some]), gap[..., some:]], axis=-1).max(initial=0.0, axis=axes)
+        is_open = gap > np.repeat([_OPEN, _TOO_LONG], [some, ropes])
+        if is_open.any():
+            worst = int(np.argmax(np.where(is_open, gap, 0.0)))
             raise ValueError(
-                f"q0 leaves {int((gap > _OPEN).sum())} rows of loops open, {scene.rows[worst]} by {gap[worst]:.3g} m or rad;"
+                f"q0 leaves {int(is_open.sum())} rows of loops open, {scene.rows[worst]} by {gap[worst]:.3g} m or rad;"
                 " give it a closed configuration: art.assemble(rig, loops, q_guess) finds one"
             )
+        if not scene.loops:
+            return q, v
         same = closed(rig, scene.loops, q, v, self.threads)
         return same[..., : rig.nq], same[..., rig.nq :]
 

@@ -8,6 +8,7 @@ import os
 import numpy as np
 import pytest
 from contact_rigs import chain
+from loop_rigs import table
 from random_trees import random_rig
 
 import articulated as art
@@ -95,6 +96,30 @@ def test_contact_at_every_level(level, single, monkeypatch):
             state = simulation.step(state, q)
         assert len(set(state.memory[:, -1].tolist())) > 5
         return state.q.tobytes() + state.v.tobytes() + simulation.contacts(state).forces.tobytes()
+
+    expected = run()
+    monkeypatch.setenv("ARTICULATED_SIMD", level)
+    assert run() == expected
+
+
+@pytest.mark.parametrize("level", list(_levels()))
+@pytest.mark.parametrize("single", [False, True])
+def test_loops_at_every_level(level, single, monkeypatch):
+    ground = art.Ground(art.Plane((0, 0, 1), (0, 0, -0.1)))
+
+    def run() -> bytes:
+        rig = table().with_joints(damping=0.01)
+        rope = art.Loop("distance", None, (0.5, 0, 0.3), "plate", None, length=0.45, rope=True, name="rope")
+        q, v = np.tile(art.assemble(rig, [*rig.loops, rope]), (21, 1)), 2.0 * np.random.default_rng(0).normal(size=(21, rig.nv))
+        dtype, result = np.float32 if single else np.float64, b""
+        for settings in ({"integrator": "rk4"}, {"ground": ground, "contact_points": [art.ContactPoint("plate", (0.3, 0, 0))]}):
+            simulation = art.Simulation(rig, loops=[*rig.loops, rope], **settings)
+            state = simulation.reset(q.astype(dtype), v.astype(dtype))
+            for _ in range(50):
+                state = simulation.step(state)
+            assert np.abs(simulation.loop_forces(state)).max() > 0.0
+            result += state.q.tobytes() + state.v.tobytes() + state.memory.tobytes()
+        return result
 
     expected = run()
     monkeypatch.setenv("ARTICULATED_SIMD", level)

@@ -436,6 +436,11 @@ class TestTrouble:
         ):
             art.Simulation(four_bar()).run([1.0, 0.0, 1.0])
 
+    def test_a_rope_too_long_at_the_start(self):
+        rope = art.Loop("distance", None, (0, 0, 1.0), "weight", None, length=0.5, rope=True, name="rope")
+        with pytest.raises(ValueError, match=r"q0 leaves 1 rows of loops open, rope: rope by 0\.5 m"):
+            art.Simulation(hanging(), loops=[rope]).run(hanging().neutral(), duration=0.1)
+
     def test_a_little_open_is_closed(self):
         q = crank_rocker_state(1.0) + 1e-4
         state = art.Simulation(four_bar()).reset(q)
