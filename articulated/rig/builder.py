@@ -13,7 +13,7 @@ from articulated.rig.assembly import assemble
 from articulated.rig.description import JointDescription, LinkDescription, check_joint, check_link
 from articulated.rig.errors import Place
 from articulated.rig.fit import check_loop
-from articulated.rig.frames import pose_of, snapped
+from articulated.rig.frames import is_pose, pose_of, snapped
 from articulated.rig.joint import ALIASES, Limits, Mimic
 from articulated.rig.loop import Loop
 from articulated.rig.rig import Rig
@@ -191,8 +191,7 @@ def _array(place: Place, what: str, values: Any, shape: tuple[int, ...]) -> np.n
 
 def _pose(place: Place, values: Any) -> np.ndarray:
     pose = _array(place, "pose", values, (4, 4))
-    R = pose[:3, :3]
-    if np.any(pose[3] != (0.0, 0.0, 0.0, 1.0)) or np.abs(R @ R.T - np.eye(3)).max() > 1e-9 or np.linalg.det(R) < 0.0:
+    if not is_pose(pose):
         raise place.error("pose is not a rotation and a translation", "give a homogeneous matrix, last row 0 0 0 1")
     return snapped(pose)
 

@@ -32,6 +32,13 @@ def pose_of(
     return snapped(pose)
 
 
+def is_pose(matrix: np.ndarray) -> bool:
+    """Whether a matrix, shape (4, 4), is a rotation and a translation."""
+    R = matrix[:3, :3]
+    upright = np.abs(R @ R.T - np.eye(3)).max() <= 1e-9 and np.linalg.det(R) >= 0.0
+    return bool(upright and np.all(matrix[3] == (0.0, 0.0, 0.0, 1.0)))
+
+
 def inverse(pose: np.ndarray) -> np.ndarray:
     """The inverse of a pose, shape (4, 4)."""
     result = np.eye(4)

@@ -9,7 +9,7 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import ArrayLike
 
-from articulated.rig.frames import rotation_with_z_along
+from articulated.rig.frames import is_pose, rotation_with_z_along
 
 _PLACE, _ABOUT = ("x", "y", "z"), ("about x", "about y", "about z")
 _ACROSS, _TILT = ("across 1", "across 2"), ("about 1", "about 2")
@@ -138,10 +138,9 @@ class Loop:
             pose = array
         else:
             raise ValueError(f"{name} of {self} has shape {array.shape}; expected (4, 4) or (3,)")
-        R = pose[:3, :3]
         if not np.isfinite(pose).all():
             raise ValueError(f"{name} of {self} holds {array[~np.isfinite(array)][0]}; every entry must be finite")
-        if np.any(pose[3] != (0.0, 0.0, 0.0, 1.0)) or np.abs(R @ R.T - np.eye(3)).max() > 1e-9 or np.linalg.det(R) < 0.0:
+        if not is_pose(pose):
             raise ValueError(f"{name} of {self} is not a rotation and a translation, last row 0 0 0 1")
         return pose
 

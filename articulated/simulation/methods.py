@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
+from articulated.dynamics.loops.closure import sizes
 from articulated.dynamics.loops.constrained import closed_state
 from articulated.scalar import Scalar, flatten, rebuilt, repeat, where
 from articulated.simulation import dopri5
@@ -129,7 +130,7 @@ class Adaptive(Fixed):
         """There is nothing to choose."""
 
     def begin(self, scene: Scene, start: Point, h: Scalar) -> Motion:
-        return dopri5.begin(super().begin(scene, start, h), h, [closure.size for closure in scene.loops])
+        return dopri5.begin(super().begin(scene, start, h), h, sizes(scene.loops))
 
     def resumed(self, motion: Motion, forces: Forces) -> Motion:
         return dopri5.restarted(motion, forces)

@@ -10,10 +10,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 from articulated.dynamics.configuration import integrate, step_rate
-from articulated.dynamics.loops.constrained import Constrained, rows_at
+from articulated.dynamics.loops.constrained import Constrained, rows_at, speeds
 from articulated.dynamics.loops.factor import Redundancy
 from articulated.dynamics.mechanism import Mechanism
-from articulated.dynamics.tree import in_world
 from articulated.scalar import Scalar, is_zero
 from articulated.simulation.forces import Forces, rate
 
@@ -77,14 +76,12 @@ def closed(forces: Forces, end: Point, looped: Constrained, corrections: int = 1
 
     The linear system is that of the last stage: if it was not at the end of the step, several corrections are needed.
     """
-    m, loops, q, speeds = forces.mechanism, forces.scene.loops, end.q, []
+    m, loops, q, opening = forces.mechanism, forces.scene.loops, end.q, []
     for _ in range(corrections):
         now, rows = rows_at(m, loops, q)
-        v = in_world(now, end.v)
-        V = now.velocities(v)
-        speeds = [line.speed(V, v) for line in rows]
+        opening = speeds(now, rows, end.v)
         q = integrate(m, q, looped.projected([-line.gap for line in rows]))
-    dv = looped.projected([-x for x in speeds])
+    dv = looped.projected([-x for x in opening])
     return replace(end, q=q, v=[a + b for a, b in zip(end.v, dv, strict=True)])
 
 

@@ -14,7 +14,7 @@ from functools import cached_property
 import numpy as np
 
 from articulated.compiler import evaluate
-from articulated.dynamics.loops.closure import Closure, lines
+from articulated.dynamics.loops.closure import Closure, lines, sizes
 from articulated.dynamics.loops.constrained import jacobian_rows
 from articulated.dynamics.mass_matrix import mass_matrix
 from articulated.dynamics.mechanism import Mechanism, TreeJoint, content, mechanism
@@ -184,7 +184,7 @@ class Scene:
     @property
     def sizes(self) -> list[int]:
         """How many rows each loop has, ropes last."""
-        return [closure.size for closure in (*self.loops, *self.ropes)]
+        return sizes((*self.loops, *self.ropes))
 
     @property
     def rows(self) -> list[str]:

@@ -141,8 +141,7 @@ class Simulation:
         except ValueError:
             raise ValueError(f"leading axes do not broadcast: q0 {q.shape}, v0 {v.shape}") from None
         dtype = np.float32 if q.dtype == v.dtype == np.float32 else np.float64
-        q, v = self._closed(q, v) if self._world.scene.rows else (q, v)
-        batch = q.shape[:-1] if self._world.scene.rows else batch
+        q, v = self._closed(q, v)
         remembered = INTEGRATORS[self._world.integrator].remembers(self._world.scene)
         new = State.of(0.0, np.zeros((*batch, rig.nq + rig.nv + 1 + remembered), dtype), rig.nq, rig.nv)
         new.q[...], new.v[...] = q, v
@@ -151,6 +150,8 @@ class Simulation:
     def _closed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The closed states nearest to some."""
         scene, rig = self._world.scene, self.rig
+        if not scene.rows:
+            return q, v
         gap, ropes = gaps(rig, (*scene.loops, *scene.ropes), q, self.threads), len(scene.ropes)
         axes, some = tuple(range(q.ndim - 1)), gap.shape[-1] - ropes
         gap = np.concatenate([np.abs(gap[..., :some]), gap[..., some:]], axis=-1).max(initial=0.0, axis=axes)
@@ -238,19 +239,21 @@ class Simulation:
 
     def contacts(self, state: State) -> Contacts:
         """Where a state's points of contact are, and how the ground pushed them in the last step: what sensors feel."""
-        scene, (nq, nv) = self._world.scene, (self.rig.nq, self.rig.nv)
-        shown = INTEGRATORS[self._world.integrator].shown(self._world.layout)
-        part = np.array(flatten(shown.get("contact_forces", [])), dtype=int) - (nq + nv + 1)
+        scene = self._world.scene
         n, geometry = scene.touches, contact_geometry(scene, state.q)
-        forces = state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 3 * n))
+        forces = self._shown(state, "contact_forces", 3 * n)
         forces = forces.reshape(*state.work.shape, n, 3)
         return Contacts(contact_links(scene), geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)
 
     def loop_forces(self, state: State) -> np.ndarray:
         """How loops pulled in the last step, a row each, ropes' last, shape (..., m) [N, N m]; see `Loop.rows`."""
+        return self._shown(state, "loop_forces", len(self._world.scene.rows))
+
+    def _shown(self, state: State, name: str, size: int) -> np.ndarray:
+        """So many numbers that a method shows of the last step, shape (..., size); zeros if it does not."""
         shown = INTEGRATORS[self._world.integrator].shown(self._world.layout)
-        part = np.array(shown["loop_forces"], dtype=int) - (self.rig.nq + self.rig.nv + 1)
-        return state.memory[..., part] if len(part) else np.zeros((*state.work.shape, 0))
+        part = np.array(flatten(shown.get(name, [])), dtype=int) - (self.rig.nq + self.rig.nv + 1)
+        return state.memory[..., part] if len(part) else np.zeros((*state.work.shape, size))
 
     def residual(self, state: State) -> np.ndarray:
         """The largest that the solver has left in any step so far, shape (...) [m/s]; zeros for methods that do not solve."""

@@ -50,8 +50,8 @@ class Trajectory:
         contact_forces: of the ground on them over the step before each frame, in the world, shape (..., T, n, 3) [N].
         loop_rows: a name for each row of each loop, (m,), ropes' last; none if there are no loops.
         loop_gaps: how far they are from closed, shape (..., T, m) [m, or about rad]; a rope's is how much it is too long.
-        loop_forces: of loops over the step before each frame, on B's link, and their opposite on A's, shape (..., T, m)
-            [N, N m]; see `Loop.rows`.
+        loop_forces: of loops over the step before each frame (of explicit methods: as it began), on B's link, and their
+            opposite on A's, shape (..., T, m) [N, N m]; see `Loop.rows`.
         residual: the largest that the solver left in any step, of each state, shape (...) [m/s].
         settings: how it was made: integrator, dt and so on.
     """

@@ -15,7 +15,8 @@ from numpy.typing import ArrayLike
 
 from articulated.dynamics.boundary import Argument, checked
 from articulated.dynamics.functions import integrate
-from articulated.dynamics.loops.functions import Loops, loop_gaps, loop_jacobian, own_loops
+from articulated.dynamics.loops.closure import closures
+from articulated.dynamics.loops.functions import Loops, gaps, jacobians, own_loops
 from articulated.rig import Rig
 
 CLOSED = 1e-12
@@ -79,10 +80,10 @@ class _Problem:
     """Gaps to close by some coordinates within their limits."""
 
     def __init__(self, rig: Rig, loops: Loops, free: np.ndarray, limits: bool):
-        self.rig, self.loops, self.free = rig, loops, free
-        some = own_loops(rig, loops)
-        self.rows = [f"{loop.name}: {'rope' if loop.rope else row}" for loop in some for row in loop.rows]
-        self.ropes = np.array([loop.rope for loop in some for _ in loop.rows], dtype=bool)
+        self.rig, self.free = rig, free
+        self.loops = closures(rig, own_loops(rig, loops))
+        self.rows = [label for loop in self.loops for label in loop.labels]
+        self.ropes = np.array([loop.one_sided for loop in self.loops for _ in loop.labels], dtype=bool)
         self.at = np.full(rig.nv, -1)
         for joint in rig.joints.values():
             if joint.nq == joint.nv and joint.kind != "planar":
@@ -92,11 +93,12 @@ class _Problem:
 
     def gaps(self, q: np.ndarray) -> np.ndarray:
         """φ, with what a slack rope lacks counted as closed."""
-        gaps = loop_gaps(self.rig, self.loops, q)
-        return np.where(self.ropes, np.maximum(gaps, 0.0), gaps)
+        open_ = gaps(self.rig, self.loops, q, None)
+        return np.where(self.ropes, np.maximum(open_, 0.0), open_)
 
     def solve(self, guess: np.ndarray, index: tuple[int, ...]) -> np.ndarray:
-        q, start = self._within(guess), self.gaps(self._within(guess))
+        q = self._within(guess)
+        start = self.gaps(q)
         s, ds = 0.0, _FIRST
         while s < 1.0 and np.abs(start).max(initial=0.0) > CLOSED:
             aim = min(1.0, s + ds)
@@ -121,7 +123,7 @@ class _Problem:
         for _ in range(_ITERATIONS):
             if cost <= (0.1 * CLOSED) ** 2:
                 break
-            J = np.where(self.ropes[:, None] & (error <= 0.0)[:, None], 0.0, loop_jacobian(self.rig, self.loops, q))
+            J = np.where(self.ropes[:, None] & (error <= 0.0)[:, None], 0.0, jacobians(self.rig, self.loops, q, None))
             moved = self._step(q, J, error, damping)
             moved *= min(1.0, _FARTHEST / max(np.abs(moved).max(initial=0.0), 1e-30))
             new = self._within(integrate(self.rig, q, moved))
@@ -164,17 +166,17 @@ class _Problem:
         return q
 
     def _failure(self, q: np.ndarray, index: tuple[int, ...]) -> AssemblyError:
-        gaps = self.gaps(q)
-        worst = [k for k in np.argsort(-np.abs(gaps)) if abs(gaps[k]) > 1e-9][:6]
+        left = self.gaps(q)
+        worst = [k for k in np.argsort(-np.abs(left)) if abs(left[k]) > 1e-9][:6]
         at = q[np.maximum(self.at, 0)]
         stuck = self.bounded & ((at >= self.upper) | (at <= self.lower))
         names = [name for name, held in zip(self.rig.v_names, stuck, strict=True) if held]
-        open_ = ", ".join(f"{self.rows[k]} by {abs(gaps[k]):.3g}" for k in worst)
+        open_ = ", ".join(f"{self.rows[k]} by {abs(left[k]):.3g}" for k in worst)
         state = f" in state {list(index)}" if index else ""
         limits = f"; at their limits: {', '.join(names)}" if names else "; no joint is at a limit"
         return AssemblyError(
             f"loops of rig {self.rig.name!r} cannot close{state} from this guess: open are {open_} (m or rad){limits};"
             " give another guess, hold fewer joints, or correct the loops",
             q,
-            gaps,
+            left,
         )

@@ -83,10 +83,6 @@ class Closure:
         """A name for each row."""
         return [f"{self.name}: {'rope' if self.one_sided else row}" for row in KINDS[self.kind]]
 
-    def bodies(self, m: Mechanism) -> list[int]:
-        """The bodies of A and B; none of a gear."""
-        return [] if self.kind == "gear" else [m.links[k][0] if k != WORLD else WORLD for k in self.ends]
-
 
 def closures(rig: Rig, loops: Sequence[Loop]) -> tuple[Closure, ...]:
     """Loops of a rig as algorithms see them.
@@ -97,6 +93,11 @@ def closures(rig: Rig, loops: Sequence[Loop]) -> tuple[Closure, ...]:
     for loop in loops:
         check_loop(rig, loop)
     return tuple(_geared(rig, loop) if loop.kind == "gear" else _closure(rig, loop) for loop in loops)
+
+
+def sizes(some: Sequence[Closure]) -> list[int]:
+    """How many rows each of some loops has."""
+    return [closure.size for closure in some]
 
 
 def _closure(rig: Rig, loop: Loop) -> Closure:

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from articulated.dynamics.configuration import integrate
-from articulated.dynamics.loops.closure import Closure, Line, jacobian, lines
+from articulated.dynamics.loops.closure import Closure, Line, jacobian, lines, sizes
 from articulated.dynamics.loops.factor import Redundancy
 from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.dynamics.sweep import Sweep, Ties
@@ -71,7 +71,7 @@ def constrained(
     A = now.accelerations(q, v_world, V, straight=False)
     F = _needed(now, V, A, gravity, external, on_bodies)
     p = [t - f for t, f in zip(in_world(now, tau), along_coordinates(now, F), strict=True)]
-    ties = Ties(rows, _sizes(closures), known=known, leaves_out=known is not None)
+    ties = Ties(rows, sizes(closures), known=known, leaves_out=known is not None)
     sweep = Sweep(now, p, m.armature, ties=ties)
     closing = [(2.0 * rate) * line.speed(V, v_world) + (rate * rate) * line.gap for line in rows]
     target = [-(line.curvature(V, A) + x) for line, x in zip(rows, closing, strict=True)]
@@ -83,20 +83,29 @@ def closed_state(
     m: Mechanism, closures: Sequence[Closure], q: Sequence[Scalar], v: Sequence[Scalar], corrections: int = 2
 ) -> tuple[list[Scalar], list[Scalar]]:
     """The nearest configuration and velocity, by kinetic energy, with loops closed, from not far away."""
-    now = tree(m, q)
-    sweep = Sweep(now, [0.0] * m.nv, m.armature, ties=Ties(lines(now, q, closures), _sizes(closures)))
-    looped = Constrained(now, sweep, [], [])
+    begun, rows = rows_at(m, closures, q)
+    sweep = tied(begun, rows, closures)
     for _ in range(corrections):
         gaps = [-line.gap for line in rows_at(m, closures, q)[1]]
-        q = integrate(m, q, looped.projected(gaps))
+        q = integrate(m, q, begun.out_of_world(sweep.corrected(gaps)))
     v = list(v)
     for _ in range(corrections):
-        now, rows = rows_at(m, closures, q)
-        v_world = in_world(now, v)
-        V = now.velocities(v_world)
-        dv = looped.projected([-line.speed(V, v_world) for line in rows])
+        dv = begun.out_of_world(sweep.corrected([-x for x in speeds(*rows_at(m, closures, q), v)]))
         v = [a + b for a, b in zip(v, dv, strict=True)]
     return list(q), v
+
+
+def tied(now: Tree, rows: Sequence[Line], closures: Sequence[Closure]) -> Sweep:
+    """The linear system of a looped rig on which nothing acts."""
+    m = now.mechanism
+    return Sweep(now, [0.0] * m.nv, m.armature, ties=Ties(rows, sizes(closures)))
+
+
+def speeds(now: Tree, rows: Sequence[Line], v: Sequence[Scalar]) -> list[Scalar]:
+    """φ̇ of rows, for generalized velocities."""
+    v_world = in_world(now, v)
+    V = now.velocities(v_world)
+    return [line.speed(V, v_world) for line in rows]
 
 
 def rows_at(m: Mechanism, closures: Sequence[Closure], q: Sequence[Scalar]) -> tuple[Tree, list[Line]]:
@@ -109,10 +118,6 @@ def jacobian_rows(now: Tree, rows: Sequence[Line]) -> list[list[Scalar]]:
     """J as a full matrix, free roots' velocities in their own axes."""
     n = now.mechanism.nv
     return [now.out_of_world([row.get(s, 0.0) for s in range(n)]) for row in jacobian(now, rows)]
-
-
-def _sizes(closures: Sequence[Closure]) -> list[int]:
-    return [closure.size for closure in closures]
 
 
 def _needed(

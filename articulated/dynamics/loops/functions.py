@@ -1,4 +1,4 @@
-"""The public functions of rigs with closed loops. All take batches, `out`… as those in `dynamics.functions` do.
+"""The public functions of rigs with closed loops. All take batches and `threads` as those in `dynamics.functions` do.
 
 `loops` are `Loop`s, or None for those that the rig came with.
 """
@@ -14,11 +14,9 @@ from numpy.typing import ArrayLike
 from articulated.dynamics.boundary import GRAVITY, Argument
 from articulated.dynamics.calls import call
 from articulated.dynamics.functions import inverse_dynamics
-from articulated.dynamics.loops.closure import Closure, closures
-from articulated.dynamics.loops.constrained import closed_state, constrained, jacobian_rows, rows_at
+from articulated.dynamics.loops.closure import Closure, closures, sizes
+from articulated.dynamics.loops.constrained import closed_state, constrained, jacobian_rows, rows_at, speeds, tied
 from articulated.dynamics.mechanism import Mechanism
-from articulated.dynamics.sweep import Sweep, Ties
-from articulated.dynamics.tree import in_world
 from articulated.rig import Rig
 from articulated.rig.loop import Loop
 from articulated.scalar import Scalar
@@ -37,7 +35,7 @@ def constrained_dynamics(
     *,
     threads: int | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Joint accelerations of a rig with closed loops, and the loops' forces. RBDA ch. 8, eq. 8.4.
+    """Joint accelerations of a rig with closed loops, and the loops' forces. RBDA ch. 8.
 
     Loops that repeat each other or are singular have forces all the same: the smallest that do it. Ones that contradict each
     other get accelerations as near to closed as can be, and huge forces.
@@ -84,8 +82,7 @@ def loop_jacobian(rig: Rig, loops: Loops, q: ArrayLike, *, threads: int | None =
     Returns:
         Jacobians, shape (..., m, nv).
     """
-    some = closures(rig, own_loops(rig, loops))
-    return call(rig, _loop_jacobian, [_q(rig, q)], (_rows(some), rig.nv), None, threads, closures=some)
+    return jacobians(rig, closures(rig, own_loops(rig, loops)), q, threads)
 
 
 def project_velocity(rig: Rig, loops: Loops, q: ArrayLike, v: ArrayLike, *, threads: int | None = None) -> np.ndarray:
@@ -133,11 +130,10 @@ def constrained_inverse_dynamics(
     Warns:
         RuntimeWarning: these joints and loops cannot give the acceleration; what is returned comes nearest.
     """
-    two_sided(rig, loops)
+    some = two_sided(rig, loops)
     driven = _driven(rig, actuated)
     needed = inverse_dynamics(rig, q, v, a, external, gravity, threads=threads).astype(float)
-    J = np.broadcast_to(loop_jacobian(rig, loops, q, threads=threads), (*needed.shape[:-1], _count(rig, loops), rig.nv))
-    J = J.astype(float)
+    J = np.broadcast_to(jacobians(rig, some, q, threads), (*needed.shape[:-1], _rows(some), rig.nv)).astype(float)
     held, pushed = np.swapaxes(J[..., :, ~driven], -1, -2), np.swapaxes(J[..., :, driven], -1, -2)
     # passive coordinates want held f = needed; what that leaves open of f goes to make τ small
     small = 1e-9 * np.abs(J).max(initial=1e-30)
@@ -167,6 +163,11 @@ def closed(rig: Rig, some: tuple[Closure, ...], q: np.ndarray, v: np.ndarray, th
 def gaps(rig: Rig, some: tuple[Closure, ...], q: ArrayLike, threads: int | None) -> np.ndarray:
     """As `loop_gaps`."""
     return call(rig, _loop_gaps, [_q(rig, q)], (_rows(some),), None, threads, closures=some)
+
+
+def jacobians(rig: Rig, some: tuple[Closure, ...], q: ArrayLike, threads: int | None) -> np.ndarray:
+    """As `loop_jacobian`."""
+    return call(rig, _loop_jacobian, [_q(rig, q)], (_rows(some), rig.nv), None, threads, closures=some)
 
 
 def _inverse(A: np.ndarray, small: float) -> np.ndarray:
@@ -214,11 +215,7 @@ def _driven(rig: Rig, actuated: Sequence[str] | None) -> np.ndarray:
 
 
 def _rows(some: Sequence[Closure]) -> int:
-    return sum(closure.size for closure in some)
-
-
-def _count(rig: Rig, loops: Loops) -> int:
-    return sum(len(loop.rows) for loop in own_loops(rig, loops))
+    return sum(sizes(some))
 
 
 def _q(rig: Rig, q: ArrayLike) -> Argument:
@@ -249,9 +246,5 @@ def _closed(m: Mechanism, q, v, closures: Sequence[Closure]) -> list[Scalar]:
 
 def _project_velocity(m: Mechanism, q, v, closures: Sequence[Closure]) -> list[Scalar]:
     now, rows = rows_at(m, closures, q)
-    v_world = in_world(now, v)
-    V = now.velocities(v_world)
-    ties = Ties(rows, [closure.size for closure in closures])
-    sweep = Sweep(now, [0.0] * m.nv, m.armature, ties=ties)
-    dv = sweep.corrected([-line.speed(V, v_world) for line in rows], corrections=2)
+    dv = tied(now, rows, closures).corrected([-x for x in speeds(now, rows, v)], corrections=2)
     return [a + b for a, b in zip(v, now.out_of_world(dv), strict=True)]

@@ -14,7 +14,7 @@ from itertools import combinations_with_replacement
 
 from articulated.dynamics.configuration import integrate
 from articulated.dynamics.joints import Ball
-from articulated.dynamics.loops.closure import Line, jacobian, lines
+from articulated.dynamics.loops.closure import Line, jacobian, lines, sizes
 from articulated.dynamics.loops.factor import Factor
 from articulated.dynamics.tree import Tree, in_roots, tree
 from articulated.scalar import Scalar
@@ -52,7 +52,7 @@ def closed_step(
     for j, k in combinations_with_replacement(range(len(J)), 2):
         if common := [s for s in J[j] if s in J[k]]:
             matrix[j, k] = dot([J[j][s] * ease[s] for s in common], [J[k][s] for s in common])
-    factor = Factor(matrix, [closure.size for closure in scene.loops])
+    factor = Factor(matrix, sizes(scene.loops))
 
     def changed(v: Sequence[Scalar], change: Sequence[Scalar]) -> list[Scalar]:
         result, pulls = list(v), factor.solve(change, corrections=0)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from articulated.dynamics.loops.closure import lines
+from articulated.dynamics.loops.closure import lines, sizes
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, maximum, minimum
 from articulated.simulation.contact.gaps import Gap, spread
@@ -105,7 +105,7 @@ def joint_terms(scene: Scene, now: Tree, start: Standing, forces: Forces, h: Sca
 def _ropes(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[JointTerm]:
     """Ropes, which stop at their full length."""
     scene, numbers = forces.scene, forces.numbers
-    result, first = [], sum(closure.size for closure in scene.loops)
+    result, first = [], sum(sizes(scene.loops))
     for k, (rope, line) in enumerate(zip(scene.ropes, lines(now, start.q, scene.ropes), strict=True)):
         w = scene.rope_felt(rope)
         stop = hinge(-line.gap, numbers.stop_stiffness / w, numbers.stop_dissipation, w, h)
