@@ -8,7 +8,7 @@ A float outside a function's domain gives NaN, as numpy does, so that a state th
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
@@ -123,6 +123,15 @@ def unfolded(x: Scalar, among: Iterable[Scalar]) -> Scalar:
     return next((scalar.unfolded(x) for scalar in among if hasattr(scalar, "unfolded")), x)
 
 
+def as_written(value: Callable[[], Nested], among: Iterable[Scalar]) -> Nested:
+    """What `value` returns; a compiler keeps the order in which its operations are written, which is one that suits registers.
+
+    `among` holds some of the scalars that it computes with, of which one at least is no constant. It has no branches.
+    """
+    tracer = next((scalar.as_written for scalar in among if hasattr(scalar, "as_written")), None)
+    return value() if tracer is None else tracer(value)
+
+
 def rounding(x: Scalar) -> float:
     """The distance from 1 to the next number of the precision in which `x` is computed."""
     if isinstance(x, _NUMPY) and x.dtype == np.float32:
@@ -155,6 +164,33 @@ def rebuilt(like: Nested, scalars: Iterator[Scalar]) -> Nested:
     if is_dataclass(like):
         return replace(like, **{part.name: rebuilt(getattr(like, part.name), scalars) for part in fields(like)})  # type: ignore[type-var]
     return None if like is None else next(scalars)
+
+
+UNDEFINED = math.nan
+"""In place of what nobody will look at."""
+
+
+def each(rows: Sequence[Nested], body: Callable[[Nested], Nested]) -> list[Nested]:
+    """What `body` makes of each of some rows of one structure: machine code has it once, and goes from row to row.
+
+    So work on many things of a kind takes as much code as on one. Nothing is known of a row while the body is compiled: what
+    is a constant in all rows but not the same in all is a variable in it. What is `given` under a mask, or else `UNDEFINED`, is
+    not even written where no state of a group needs it.
+    """
+    for x in flatten(rows):
+        if hasattr(x, "graph"):
+            return x.each(rows, body)
+    return [body(row) for row in rows]
+
+
+def fold(rows: Sequence[Nested], body: Callable[[Nested, Nested], Nested], carry: Nested) -> Nested:
+    """What `carry` becomes when `body` takes it together with each of some rows of one structure: a loop as that of `each`."""
+    for x in flatten(rows):
+        if hasattr(x, "graph"):
+            return x.fold(rows, body, carry)
+    for row in rows:
+        carry = body(carry, row)
+    return carry
 
 
 def repeat(

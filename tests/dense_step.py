@@ -12,24 +12,31 @@ from articulated.simulation.implicit.terms import NEAR_RIGID, SIGMA, SLIP_SPEED
 
 
 class Dense:
-    """A step of one state of a free rig on the plane z = 0, for contact points without radius."""
+    """A step of one state of free rigs on the plane z = 0, for balls on links; and, with pairs, for what touches what else.
 
-    def __init__(self, rig, points, material, h, kp, kd, target, limit, stops, before=0.0):
+    `pairs` are (link, link or None, radius of the first, of the second, w): how round they are, and how much velocity an impulse
+    gives; `touches` tells, for q, the gap, the normal and the point of each. Radius nan: a corner, a face.
+    """
+
+    def __init__(self, rig, points, material, h, kp, kd, target, limit, stops, before=0.0, pairs=(), touches=None):
         self.rig, self.points, self.material, self.h = rig, points, material, h
         self.before = before  # length of the last step, 0 if there was none
         self.kp, self.kd, self.target, self.limit, self.stops = kp, kd, target, limit, stops
-        self.links = list(rig.links.values())
+        self.links, self.pairs, self.touches = list(rig.links.values()), pairs, touches
         q = rig.neutral()
         Minv = np.linalg.inv(art.mass_matrix(rig, q))
         self.w_joint = np.diag(Minv)
         J = [art.jacobian(rig, q, p.link, p.position)[:3] for p in points]
-        self.w = np.array([np.linalg.norm(np.diag(j @ Minv @ j.T)) / np.sqrt(3.0) for j in J])
+        self.w = np.array([np.linalg.norm(np.diag(j @ Minv @ j.T)) / np.sqrt(3.0) for j in J] + [pair[4] for pair in pairs])
 
     def earlier(self, q, v):
         """Configuration and velocities as the step before began; a free root's velocity stays the same in the world."""
         q_old, v_old = art.integrate(self.rig, q, -self.before * v), v.copy()
-        R_old, R = (art.link_poses(self.rig, x)[0, :3, :3] for x in (q_old, q))
-        v_old[:3] = R_old.T @ R @ v[:3]
+        X_old, X = (art.link_poses(self.rig, x) for x in (q_old, q))
+        for joint in self.rig.joints.values():
+            if joint.kind == "floating":
+                k, s = self.rig.links[joint.child].index, joint.v_slice.start
+                v_old[s : s + 3] = X_old[k, :3, :3].T @ X[k, :3, :3] @ v[s : s + 3]
         return q_old, v_old
 
     def momenta(self, q, v):
@@ -60,21 +67,50 @@ class Dense:
             total = total + art.jacobian(rig, q, first.name, point).T @ np.concatenate([momentum, inertia @ ang])
         return total
 
-    def sag(self, q, v):
-        """How far each point strayed from a straight way in the step before, along z."""
+    def strayed(self, q, v):
+        """How far a point of a link, given in its axes, strayed from a straight way in the step before: a function."""
         q_old, v_old = self.earlier(q, v)
         X_old, X, V_old = (
             art.link_poses(self.rig, q_old),
             art.link_poses(self.rig, q),
             art.link_velocities(self.rig, q_old, v_old),
         )
-        result = []
-        for point in self.points:
-            k, p = self.rig.links[point.link].index, np.array(point.position)
+
+        def of(link, p):
+            k = self.rig.links[link].index
             speed = V_old[k, :3] + np.cross(V_old[k, 3:], X_old[k, :3, :3] @ p)
             now, old = (Y[k, :3, :3] @ p + Y[k, :3, 3] for Y in (X, X_old))
-            result.append((now - old - self.before * speed)[2])
-        return np.array(result)
+            return now - old - self.before * speed
+
+        return of
+
+    def sites(self, q, v):
+        """Of each contact the Jacobian along two tangents and the normal, the gap, and its sag."""
+        X, strayed = art.link_poses(self.rig, q), self.strayed(q, v)
+
+        def local(link, x):
+            T = X[self.rig.links[link].index]
+            return T[:3, :3].T @ (x - T[:3, 3])
+
+        J, phi, sag = [], [], []
+        for p in self.points:
+            T = X[self.rig.links[p.link].index]
+            center = T[:3, :3] @ p.position + T[:3, 3]
+            J.append(art.jacobian(self.rig, q, p.link, local(p.link, center - [0.0, 0.0, p.radius]))[:3])
+            phi.append(center[2] - p.radius)
+            sag.append(strayed(p.link, np.array(p.position))[2])
+        for (a, b, round_a, round_b, _), (gap, n, x) in zip(self.pairs, self.touches(q) if self.pairs else (), strict=True):
+            E = np.linalg.svd(n[None])[2][[1, 2, 0]]
+            E[2] = n
+            row, stray = np.zeros((3, self.rig.nv)), np.zeros(3)
+            for link, radius, sign in ((a, round_a, 1.0), (b, round_b, -1.0)):
+                if link is not None:
+                    row += sign * (E @ art.jacobian(self.rig, q, link, local(link, x))[:3])
+                    stray += sign * strayed(link, local(link, x + sign * n * (0.5 * gap + radius)))
+            J.append(row)
+            phi.append(gap)
+            sag.append(n @ stray)
+        return np.array(J), np.array(phi), np.array(sag)
 
     def build(self, q, v):
         rig, h = self.rig, self.h
@@ -84,11 +120,9 @@ class Dense:
         self.c, self.b = h * self.kp * e, h * (self.kd + h * self.kp)
         if self.limit is None:
             self.A, self.p = self.A + np.diag(self.b), self.p + self.c
-        X = art.link_poses(rig, q)
-        self.J = np.array([art.jacobian(rig, q, p.link, p.position)[:3] for p in self.points])
-        self.phi = np.array([(X[rig.links[p.link].index] @ [*p.position, 1.0])[2] for p in self.points])
+        self.J, self.phi, sag = self.sites(q, v)
         mass = np.minimum(h * h * self.material.stiffness, NEAR_RIGID / self.w)
-        sag, d = np.maximum(self.sag(q, v), -FASTEST_SAG * self.before), self.material.dissipation
+        sag, d = np.maximum(sag, -FASTEST_SAG * self.before), self.material.dissipation
         self.hinges = -(self.phi + sag) * mass / h, mass, np.full(len(mass), d), 1.0 - d * sag / h
         self.room = None
         if self.stops is not None:
@@ -157,10 +191,14 @@ class Dense:
     def gradient(self, v):
         return self.A @ v - self.p + self.terms(v, 1.0)[0]
 
-    def solve(self, q, v, sweeps=BOUNDED):
-        """The velocity at the end of the step, by Newton's method with an exact line search, after some bounded sweeps."""
+    def solve(self, q, v, sweeps=BOUNDED, cones=None):
+        """The velocity at the end of the step, by Newton's method with an exact line search, after some bounded sweeps.
+
+        These find the friction cones, unless they are given.
+        """
         self.build(q, v)
-        for _ in range(min(sweeps, BOUNDED)):
+        self.cone = self.cone if cones is None else cones
+        for _ in range(min(sweeps, BOUNDED) if cones is None else 0):
             g, H = self.terms(v, 0.0)
             u, g_c, G_c = self.J @ v, self.g.copy(), self.G.copy()
             v = np.linalg.solve(self.A + H, self.p - g + H @ v)

@@ -43,6 +43,8 @@ def guards(graph: Graph, nodes: list[Node], live: Iterable[int], roots: Iterable
 
     for i in (*roots, *(i for loop in graph.loops for i in (*loop.initial, *loop.results()))):
         needed[i] = ()
+    for column in columns(graph, nodes, live):
+        needed.update(dict.fromkeys(column, ()))
     for i in sorted(live, reverse=True):
         behind = needed.get(i, ())
         if nodes[i][0] == "given":
@@ -56,6 +58,14 @@ def guards(graph: Graph, nodes: list[Node], live: Iterable[int], roots: Iterable
         for a in operands(nodes[i]):
             need(a, i, behind)
     return {i: masks for i, masks in needed.items() if masks}
+
+
+def columns(graph: Graph, nodes: Sequence[Node], some: Iterable[int]) -> Iterator[tuple[int, ...]]:
+    """Of those nodes that are columns, the nodes in them."""
+    for i in some:
+        if nodes[i][0] == "column":
+            _, region, k = nodes[i]
+            yield graph.loops[region - 1].columns[k]
 
 
 @dataclass(eq=False)

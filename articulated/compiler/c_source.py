@@ -87,6 +87,8 @@ class _Printer:
             elif isinstance(item, Write):
                 array = self.program.results[item.array].name
                 lines += [f"{array}[{k}] = {self.value(i, set())};" for k, i in item.scalars]
+            elif isinstance(item, Repeat) and item.loop.yields:
+                raise ValueError(f"{self.program.name} has loops over rows; such cannot be printed as C")
             elif isinstance(item, Repeat) and isinstance(item.loop.count, int) and not item.loop.records:
                 k = f"k{item.loop.region}"
                 lines.append(f"{{ int {k}; for ({k} = 0; {k} < {item.loop.count}; ++{k}) {{")

@@ -13,6 +13,7 @@ add sub mul div   a + b, a − b, a b, a / b                         power2 a   
 neg abs sqrt same −a, |a|, √a, a                                     exponent, fraction   of a = fraction 2^exponent, ½√2 … √2
 fma a b c         a b + c, rounded once (chosen by the schedule)   carried, after l k   what loop l carries: in it, after it
 loop l            where loop l stands                              lookup t a           entry a of table t
+column l k        column k of the row that loop l is at            yield l r k          what it made of row r: its k-th number
 given n m a b     as select m a b, of branch n: see branches
 """
 
@@ -27,7 +28,7 @@ from articulated.compiler import elementary
 from articulated.scalar import Nested, Scalar, flatten, rebuilt
 
 Node = tuple[Any, ...]
-LEAVES = frozenset(("const", "input", "row", "carried", "after", "loop"))
+LEAVES = frozenset(("const", "input", "row", "carried", "after", "loop", "column", "yield"))
 MASKS = frozenset(("lt", "le", "eq", "and", "bit"))
 
 
@@ -51,6 +52,8 @@ class Loop:
         until: mask node, known at the start of a turn: a state for which it holds takes no more turns.
         records: what each turn writes to its row of an output: output, scalar, node.
         end: the node after which it stands in its parent.
+        columns: of a loop over rows, the nodes of each column, one a turn.
+        yields: and those of what it makes of a row.
     """
 
     region: int
@@ -62,6 +65,8 @@ class Loop:
     until: int | None = None
     records: list[tuple[int, int, int]] = field(default_factory=list)
     end: int = -1
+    columns: list[tuple[int, ...]] = field(default_factory=list)
+    yields: list[int] = field(default_factory=list)
 
     def needs(self, k: int) -> Iterator[int]:
         """The nodes that its k-th carried value depends on."""
@@ -75,6 +80,7 @@ class Loop:
         if self.until is not None:
             yield self.until
         yield from self.following
+        yield from self.yields
         yield from (node for _, _, node in self.records)
 
 
@@ -93,6 +99,7 @@ class Graph:
         region: for each node the loop that it must be computed again in at every turn, 0 for none.
         loops: all loops; that of region r is at r - 1.
         open: the region that is being written.
+        written: nodes whose order is to stay, each with the number of the passage that it is in.
     """
 
     def __init__(self, single: bool = False):
@@ -101,6 +108,8 @@ class Graph:
         self.region: list[int] = []
         self.loops: list[Loop] = []
         self.open = 0
+        self.written: dict[int, int] = {}
+        self._passage = self._passages = 0
         self._branches = 0
         self._known: dict[Node, int] = {}
 
@@ -111,10 +120,21 @@ class Graph:
             index = self._known[node] = len(self.nodes)
             self.nodes.append(node)
             self.region.append(self._region_of(node))
+            if self._passage and node[0] not in LEAVES:
+                self.written[index] = self._passage
         return index
 
+    def as_written(self, value: Callable[[], Any]) -> Any:
+        """What it returns; the nodes that it writes stay in their order."""
+        self._passages += 1
+        self._passage = self._passages
+        try:
+            return value()
+        finally:
+            self._passage = 0
+
     def constant(self, x: float) -> int:
-        return self.node("const", float(x) + 0.0)
+        return self.node("const", math.nan if x != x else float(x) + 0.0)
 
     def scalar(self, index: int) -> Scalar:
         """What algorithms compute with: a number if the node is a constant."""
@@ -140,11 +160,46 @@ class Graph:
         loop.end = self.node("loop", loop.region)
         return [self.node("after", loop.region, k) for k in range(len(carry))]
 
+    def each(
+        self,
+        rows: Sequence[Sequence[int]],
+        carry: Sequence[int],
+        body: Callable[[list[int], list[int]], tuple[Sequence[int], Sequence[int]]],
+    ) -> tuple[list[list[int]], list[int]]:
+        """Write a loop over rows, which also carries something from row to row.
+
+        Its body is written once: from the nodes of a row, and of what is carried, to those of what is made of the row, and of
+        what is carried on. Returned are what is made of all rows, and what the last one carries on.
+        """
+        loop = Loop(len(self.loops) + 1, self.open, len(rows), [], list(carry))
+        self.loops.append(loop)
+        self.open = loop.region
+        loop.carried = [self.node("carried", loop.region, k) for k in range(len(carry))]
+        entries = []
+        for column in zip(*rows, strict=True):
+            if len(set(column)) == 1:
+                entries.append(column[0])
+            else:
+                assert not any(self.nodes[i][0] in MASKS for i in column), "masks are no numbers"
+                entries.append(self.node("column", loop.region, len(loop.columns)))
+                loop.columns.append(column)
+        made, following = body(entries, loop.carried)
+        loop.yields, loop.following = list(made), list(following)
+        self.open = loop.parent
+        loop.end = self.node("loop", loop.region)
+
+        def result(r: int, k: int) -> int:
+            made = loop.yields[k]
+            return self.node("yield", loop.region, r, k) if self.region[made] == loop.region else made
+
+        after = [self.node("after", loop.region, k) for k in range(len(carry))]
+        return [[result(r, k) for k in range(len(loop.yields))] for r in range(len(rows))], after
+
     def _region_of(self, node: Node) -> int:
         op = node[0]
-        if op in ("row", "carried"):
+        if op in ("row", "carried", "column"):
             return node[1]
-        if op in ("after", "loop"):
+        if op in ("after", "loop", "yield"):
             return self.loops[node[1] - 1].parent
         # loops are nested, and a loop inside another is the younger
         return max((self.region[a] for a in operands(node)), default=0)
@@ -327,6 +382,10 @@ class Traced:
         """A scalar that takes part in no simplification."""
         return Traced(self.graph, self.graph.node("same", self.index_of(x)))
 
+    def as_written(self, value: Callable[[], Nested]) -> Nested:
+        """See `scalar.as_written`."""
+        return self.graph.as_written(value)
+
     def where(self, a: Scalar, b: Scalar) -> Scalar:
         """`a` where this mask holds, else `b`."""
         return self.graph.scalar(self.graph.select(self.index, self.index_of(a), self.index_of(b)))
@@ -356,6 +415,31 @@ class Traced:
             None if until is None else lambda nodes: until(nested(nodes)).index,
         )
         return nested(after)
+
+    def each(self, rows: Sequence[Nested], body: Callable[[Nested], Nested]) -> list[Nested]:
+        """See `scalar.each`."""
+        graph, made = self.graph, None
+
+        def of_nodes(nodes: list[int], _: list[int]) -> tuple[list[int], list[int]]:
+            nonlocal made
+            made = body(rebuilt(rows[0], iter([graph.scalar(i) for i in nodes])))
+            return [self.index_of(x) for x in flatten(made)], []
+
+        results, _ = graph.each([[self.index_of(x) for x in flatten(row)] for row in rows], [], of_nodes)
+        return [rebuilt(made, iter([graph.scalar(i) for i in row])) for row in results]
+
+    def fold(self, rows: Sequence[Nested], body: Callable[[Nested, Nested], Nested], carry: Nested) -> Nested:
+        """See `scalar.fold`."""
+        graph = self.graph
+
+        def of_nodes(nodes: list[int], carried: list[int]) -> tuple[list[int], list[int]]:
+            row = rebuilt(rows[0], iter([graph.scalar(i) for i in nodes]))
+            end = body(rebuilt(carry, iter([Traced(graph, i) for i in carried])), row)
+            return [], [self.index_of(x) for x in flatten(end)]
+
+        numbers = [[self.index_of(x) for x in flatten(row)] for row in rows]
+        _, after = graph.each(numbers, [self.index_of(x) for x in flatten(carry)], of_nodes)
+        return rebuilt(carry, iter([Traced(graph, i) for i in after]))
 
     def of(self, name: str, *operands: Any) -> Traced:
         """A node that only elementary functions use: fma, bit, power2, exponent, fraction."""

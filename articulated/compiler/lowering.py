@@ -55,13 +55,20 @@ class Lowering:
         light = [light_text(program, f, self.scratch, self.tile)] if plain else []
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
         size = f"@size = internal constant i64 {self.scratch}"
-        main = [size, *kernel.masks, *kernel.transfers.texts(), text, *light, *declared]
+        main = [size, *kernel.masks, *kernel.transfers.texts(), _turn(f), text, *light, *declared]
         common = [
             *(f"declare {text_of} @llvm.{name}" for text_of, name in _intrinsics(f)),
             f"attributes #0 = {{ {ATTRIBUTES} }}\n",
         ]
         rest = [chunks[k : k + _MODULE] for k in range(0, len(chunks), _MODULE)]
         self.modules = ["\n".join([*module, *common]) for module in (main, *rest)]
+
+
+def _turn(f: Format) -> str:
+    """The function `void turn(scratch, k, at)` that puts the number of a row there."""
+    text = Text(f)
+    text.keep("%k", text.at("%scratch", "%at"))
+    return text.function("void", "turn", "ptr noalias %scratch, i64 %k, i64 %at")
 
 
 def _intrinsics(f: Format) -> list[tuple[str, str]]:
@@ -123,9 +130,9 @@ class _Kernel:
         """Write what the items do; `end` is where the innermost loop ends."""
         for item in items:
             if isinstance(item, Chunk):
-                if item.nodes or item.copies:
+                if item.nodes or item.copies or item.yields:
                     name = f"chunk{len(self.chunks)}"
-                    self.chunks.append(chunk_function(name, item, self.schedule, self.f, self.transfers.address))
+                    self.chunks.append(chunk_function(name, item, self.schedule, self.f, self.transfers))
                     self._each(lambda scratch, state, name=name: f"@{name}(ptr {scratch})", tells=False)
             elif isinstance(item, Repeat):
                 self._repeat(item)
@@ -143,10 +150,16 @@ class _Kernel:
                 self._transfer(item)
 
     def _repeat(self, item: Repeat) -> None:
+        if item.items and isinstance(chunk := item.items[0], Chunk) and chunk.rows is item.loop:
+            self._items(item.items, "")
+            return
         text, count = self.text, item.loop.count
         if isinstance(count, Parameter):
             count = text.word("%table", 4 * self.arrays + self.program.ordered + count.index)
         with text.loop(count) as turn:
+            if item.loop.columns:
+                at = self.transfers.turn(item.loop.region)
+                self._each(lambda scratch, state: f"@turn(ptr {scratch}, i64 {turn.k}, i64 {at})", tells=False)
             self._items(item.items, turn.end)
             taken = text.entry("%turns", item.loop.region)  # rows are counted on when the loop begins again
             text.keep(text.integer("add", text.word(taken), 1), taken)

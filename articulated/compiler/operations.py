@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from typing import Protocol
 
 from articulated.compiler.branches import Branch, branched
-from articulated.compiler.graph import MASKS
+from articulated.compiler.graph import MASKS, Node
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.schedule import Chunk, Schedule
 
@@ -14,17 +15,48 @@ _FUSED = {"fma": (False, False), "fms": (False, True), "fnma": (True, False)}
 """Whether the product's sign is turned, and whether that of what is added."""
 _COMPARISON = {"lt": "olt", "le": "ole", "eq": "oeq"}
 _INTRINSIC = {"abs": "fabs", "sqrt": "sqrt"}
+_NOWHERE = -1
+"""In place of a node that nobody wants."""
 
 
-def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, address: Callable[[int], int]) -> str:
-    """The function `void name(scratch)` of a chunk; `address` tells where in scratch the address of a table is."""
-    operations = _Operations(schedule, f, address)
-    for part in branched(schedule.nodes, schedule.guards, chunk.nodes):
+class Places(Protocol):
+    """Where in scratch things are that have no slot of their own [bytes]."""
+
+    def address(self, table: int) -> int:
+        """The address of a table."""
+        ...
+
+    def turn(self, loop: int) -> int:
+        """The number of the row that a loop over rows is at."""
+        ...
+
+    def place(self, i: int) -> int:
+        """A node, constants too."""
+        ...
+
+
+def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, places: Places) -> str:
+    """The function `void name(scratch)` of a chunk."""
+    operations = _Operations(schedule, f, name, places, chunk.yields)
+    if chunk.rows is None:
+        _compute(chunk, operations)
+    else:
+        with operations.text.loop(int(chunk.rows.count)) as turn:  # type: ignore[arg-type]
+            operations.values = {-1 - chunk.rows.region: turn.k}
+            _compute(chunk, operations)
+    text = operations.text.function("void", name, "ptr noalias %scratch", linkage="")
+    return "\n".join([*operations.tables, text])
+
+
+def _compute(chunk: Chunk, operations: _Operations) -> None:
+    for part in branched(operations.schedule.nodes, operations.schedule.guards, chunk.nodes):
         for i in operations.computed(part):
             if i in chunk.kept:
                 operations.replace(i, *chunk.kept[i])
+    for entry in chunk.yields:
+        if entry not in operations.put:
+            operations.put_away(entry)
     _copy(chunk, operations)
-    return operations.text.function("void", name, "ptr noalias %scratch", linkage="")
 
 
 def mask_function(name: str, mask: int, holds: bool, schedule: Schedule, f: Format) -> str:
@@ -33,6 +65,10 @@ def mask_function(name: str, mask: int, holds: bool, schedule: Schedule, f: Form
     text = operations.text
     found = text.let(f"fcmp {'une' if holds else 'oeq'} {text.V} {operations.loaded(mask)}, zeroinitializer")
     return text.function("i64", name, "ptr noalias %scratch", text.any(found))
+
+
+def _is_undefined(node: Node) -> bool:
+    return node[0] == "const" and node[1] != node[1]
 
 
 def _copy(chunk: Chunk, operations: _Operations) -> None:
@@ -51,9 +87,23 @@ def _copy(chunk: Chunk, operations: _Operations) -> None:
 class _Operations:
     """Nodes in the order in which they are computed; the others are constants or come from their slots."""
 
-    def __init__(self, schedule: Schedule, f: Format, address: Callable[[int], int] | None = None):
-        self.schedule, self.f, self.text, self.address = schedule, f, Text(f), address
+    def __init__(
+        self,
+        schedule: Schedule,
+        f: Format,
+        name: str = "",
+        places: Places | None = None,
+        yields: Sequence[tuple[int, int, int]] = (),
+    ):
+        self.schedule, self.f, self.text, self.name, self._places = schedule, f, Text(f), name, places
         self.values: dict[int, str] = {}
+        self.tables: list[str] = []
+        self.yields, self.put = yields, set[tuple[int, int, int]]()
+
+    @property
+    def places(self) -> Places:
+        assert self._places is not None
+        return self._places
 
     def computed(self, part: int | Branch) -> Sequence[int]:
         """Compute a node, or what is behind a mask where that holds for some state; the nodes that are known then."""
@@ -71,20 +121,35 @@ class _Operations:
                 self.values[inside] = self._operation("select", *nodes[inside][2:])
             else:
                 self.computed(inside)
-        given, then = [self.values[i] for i in part.yields], text.block
+        given = [self.values[i] for i in part.yields]
+        away = [entry for entry in self.yields if entry[0] in part.yields and nodes[entry[0]][0] == "given"]
+        for entry in away:
+            self.put_away(entry)
+        for i in part.yields:
+            if i in self.schedule.instead:
+                self.store(i, self.values[i])
+        then = text.block
         text.go(end)
         text.begin(otherwise)
         self.values = dict(outside)
         for i in part.yields:
-            self.values[i] = self.value(nodes[i][-1])
-        left = [self.values[i] for i in part.yields]
+            if i not in self.schedule.instead:
+                self.values[i] = self.value(nodes[i][-1])
+        left = [self.values.get(i, "") for i in part.yields]
+        for entry in away:
+            if not _is_undefined(nodes[nodes[entry[0]][-1]]):
+                self.put_away(entry)
+        self.put.update(away)
+        otherwise = text.block
         text.go(end)
         text.begin(end)
         self.values = outside
         for i, a, b in zip(part.yields, given, left, strict=True):
-            outside[i] = text.let(f"phi {text.V} [ {a}, %{then} ], [ {b}, %{otherwise} ]")
+            if i not in self.schedule.instead:
+                outside[i] = text.let(f"phi {text.V} [ {a}, %{then} ], [ {b}, %{otherwise} ]")
         for i in part.yields:
-            self.keep(i)
+            if i not in self.schedule.instead:
+                self.keep(i)
         return part.yields
 
     def keep(self, i: int) -> None:
@@ -109,10 +174,33 @@ class _Operations:
             op, *parts = self.schedule.nodes[i]
             if op == "const":
                 self.values[i] = self.f.constant(parts[0])
+            elif op == "column":
+                loop, k = parts
+                there = self._in_row(loop, self.schedule.loops[loop - 1].columns[k])
+                self.values[i] = self.text.load(there, self.text.V, self.f.vector_bytes)
             else:
                 x = self.loaded(i)
                 self.values[i] = self.text.let(f"fcmp une {self.text.V} {x}, zeroinitializer") if op in MASKS else x
         return self.values[i]
+
+    def put_away(self, entry: tuple[int, int, int]) -> None:
+        """Put a node where the k-th number of what a loop makes of the present row belongs."""
+        i, loop, k = entry
+        x = self.value(i)
+        rows = range(int(self.schedule.loops[loop - 1].count))  # type: ignore[arg-type]
+        there = self._in_row(loop, [self.schedule.made.get((loop, r, k), _NOWHERE) for r in rows])
+        self.text.do(f"store {self.text.V} {x}, ptr {there}, align {self.f.vector_bytes}")
+
+    def _in_row(self, loop: int, nodes: Sequence[int]) -> str:
+        """Where that of some nodes is which belongs to the row that a loop is at."""
+        text, key = self.text, -1 - loop
+        if key not in self.values:
+            self.values[key] = text.word(text.at("%scratch", self.places.turn(loop)))
+        name, size = f"@{self.name}.{len(self.tables)}", f"[{len(nodes)} x i32]"
+        entries = ", ".join(f"i32 {self.places.place(i)}" for i in nodes)
+        self.tables.append(f"{name} = internal constant {size} [{entries}]")
+        entry = text.let(f"getelementptr i32, ptr {name}, i64 {self.values[key]}")
+        return text.at("%scratch", text.let(f"sext i32 {text.load(entry, 'i32', 4)} to i64"))
 
     def loaded(self, i: int) -> str:
         """What a node's slot holds."""
@@ -156,8 +244,7 @@ class _Operations:
     def _looked_up(self, table: int, index: int) -> str:
         """Each lane's own entry of a table."""
         text, f = self.text, self.f
-        assert self.address is not None
-        base = text.word(text.at("%scratch", self.address(table)), 0, "ptr")
+        base = text.word(text.at("%scratch", self.places.address(table)), 0, "ptr")
         k = text.let(f"fptosi {text.V} {self.value(index)} to {text.N}")
         if f.lanes == 1:
             return text.load(text.let(f"getelementptr {f.number}, ptr {base}, {f.integer} {k}"), f.number, f.bytes)

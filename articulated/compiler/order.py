@@ -3,7 +3,8 @@
 There each node comes just before the first that needs it. Results are taken in their order, each with all that it waits for and
 that is not there yet. Iterations are written as one pass after another, over all contacts or all bodies: so the passes over one
 limb or contact come together, and fewer values wait in scratch. Where much is computed once (the recursions of dynamics), this
-order costs more than it brings. Bits do not change: they depend on what a node is computed from, not on when.
+order costs more than it brings; and passages that are written in an order of their own keep it. Bits do not change: they depend
+on what a node is computed from, not on when.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
-from articulated.compiler.branches import Masks, awaited, place
+from articulated.compiler.branches import Masks, awaited, columns, place
 from articulated.compiler.graph import Graph, Loop, Node
 
 
@@ -33,13 +34,14 @@ def ordered(graph: Graph, nodes: Sequence[Node], live: Iterable[int], guards: Ma
         op, *parts = nodes[i]
         if op == "loop":
             return entering[parts[0]]
-        return [graph.loops[parts[0] - 1].end] if op == "after" else awaited(nodes, guards, i)
+        return [graph.loops[parts[0] - 1].end] if op in ("after", "yield") else awaited(nodes, guards, i)
 
     result: dict[int, list[int]] = defaultdict(list)
     late = {loop.region: loop for loop in graph.loops if _iterates(graph, loop)}
     for region, some in members.items():
         first = late[region].results() if region in late else ()
-        result[region] = list(_Order(nodes, some, needs, guards).of(i for i in (*first, *some) if i not in guards))
+        order = _Order(nodes, some, needs, guards, graph.written)
+        result[region] = list(order.of(i for i in (*first, *some) if i not in guards))
     return result
 
 
@@ -62,9 +64,14 @@ class _Order:
         members: Sequence[int],
         needs: Callable[[int], Iterable[int]],
         guards: Mapping[int, Masks],
+        written: Mapping[int, int],
     ):
         self.nodes, self.needs, self.guards = nodes, needs, guards
         self.waiting = set(members)
+        self.passages: dict[int, list[int]] = defaultdict(list)
+        self.written = {i: written[i] for i in members if i in written and i not in guards}
+        for i, passage in self.written.items():
+            self.passages[passage].append(i)
         self.branches: dict[tuple[int, Masks], list[int]] = defaultdict(list)
         for i in members:
             if nodes[i][0] == "given":
@@ -78,10 +85,12 @@ class _Order:
                 yield from self.of(self.nodes[k][3] for k in branch)
                 yield from branch
             else:
-                yield i
+                yield from self._unit(i)
 
     def _unit(self, i: int) -> Sequence[int]:
-        """What is computed at once: a node, or those that a branch yields."""
+        """What is computed at once: a node, those that a branch yields, or a passage."""
+        if i in self.written:
+            return self.passages[self.written[i]]
         return self.branches[self._branch(i)] if self.nodes[i][0] == "given" else (i,)
 
     def _branch(self, i: int) -> tuple[int, Masks]:
@@ -98,6 +107,9 @@ class _Order:
 
         What loops take from behind branches comes last: by then most of it is there, behind fewer branches.
         """
+        if i in self.written:
+            inside = set(self._unit(i))
+            return sorted({a for k in inside for a in self.needs(k)} - inside, reverse=True)
         if self.nodes[i][0] != "given":
             return sorted(self.needs(i), key=lambda a: (self.guards.get(a, ()), a), reverse=True)
         behind, stack = place(self.nodes, self.guards, i), list(self._unit(i))
@@ -140,6 +152,10 @@ def _entering(
             for a in awaited(nodes, guards, i):
                 used(a, region)
     for loop in graph.loops:
+        for column in columns(graph, nodes, members[loop.region]):
+            result[loop.region].update(column)
+            for i in column:
+                used(i, loop.parent)
         carried = set(members[loop.region])
         for k, i in enumerate(loop.carried):
             if i in carried:

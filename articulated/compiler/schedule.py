@@ -24,13 +24,17 @@ class Chunk:
     """Nodes computed one after the other; then copies, all at once: from a node to the slot of another.
 
     A copy into a loop's carried values is not made for states for which the mask node `unless` holds. Some nodes take such a
-    value's place at once, on the same terms: `kept` has for each that value's node and the mask, or None.
+    value's place at once, on the same terms: `kept` has for each that value's node and the mask, or None. Nodes that a loop
+    makes of a row go to the place of that row: node, loop, and the number among what it makes. A chunk that is all of a loop
+    over `rows` goes through these itself.
     """
 
     nodes: list[int] = field(default_factory=list)
     copies: list[tuple[int, int]] = field(default_factory=list)
     unless: int | None = None
     kept: dict[int, tuple[int, int | None]] = field(default_factory=dict)
+    yields: list[tuple[int, int, int]] = field(default_factory=list)
+    rows: Loop | None = None
 
 
 @dataclass(eq=False)
@@ -86,6 +90,8 @@ class Schedule:
         guards: masks of the nodes behind branches.
         slots: where in scratch a node is kept that is used outside the chunk that computes it.
         size: number of slots.
+        made: nodes of what loops make of rows: by loop, row, and number.
+        instead: nodes of branches that take the place of what they are where the branch is not taken: its slot too.
     """
 
     nodes: list[Node]
@@ -94,6 +100,8 @@ class Schedule:
     guards: dict[int, Masks]
     slots: dict[int, int]
     size: int
+    made: dict[tuple[int, int, int], int]
+    instead: dict[int, int]
 
     def operations(self) -> Iterator[Node]:
         """All nodes that are computed."""
@@ -132,8 +140,10 @@ def schedule(
     items = _Walk(graph, nodes, behind, by_region, written, group, watched, chunk).region(0)
     if check is not None:
         items.append(Check(check))
-    slots, size = _slots(nodes, graph.loops, behind, items)
-    return Schedule(nodes, items, graph.loops, behind, slots, size)
+    instead = _instead(graph, nodes, behind, items)
+    slots, size = _slots(nodes, graph.loops, behind, items, live, instead)
+    made = {(loop, row, k): i for i in live if nodes[i][0] == "yield" for _, loop, row, k in [nodes[i]]}
+    return Schedule(nodes, items, graph.loops, behind, slots, size, made, instead)
 
 
 def flattened(items: Sequence[Item]) -> Iterator[Item]:
@@ -161,6 +171,10 @@ def _live(nodes: Sequence[Node], loops: Sequence[Loop], outputs: Sequence[Sequen
         if node[0] in ("carried", "after"):
             loop = loops[node[1] - 1]
             stack += [loop.end, loop.carried[node[2]], *loop.needs(node[2])]
+        if node[0] == "yield":
+            stack += [loops[node[1] - 1].end, loops[node[1] - 1].yields[node[3]]]
+        if node[0] == "column":
+            stack += loops[node[1] - 1].columns[node[2]]
         stack += operands(node)
     return live
 
@@ -261,7 +275,7 @@ class _Walk:
             groups[output, k // self.group].append((k, i))
 
         def last(scalars: list[tuple[int, int]]) -> int:
-            waits = (place[i] for _, i in scalars if i in place and self.nodes[i][0] not in LEAVES - {"after"})
+            waits = (place[i] for _, i in scalars if i in place and self.nodes[i][0] not in LEAVES - {"after", "yield"})
             return max(waits, default=-1)
 
         writes = [(last(scalars), Write(output, scalars, region)) for (output, _), scalars in groups.items()]
@@ -281,8 +295,22 @@ class _Walk:
         overwritten = {target for _, target in moved}
         first = [copy for copy in moved if copy[0] in overwritten]
         rest = [copy for copy in moved if copy[0] not in overwritten]
+        self._yield(loop, inside)
         body = [*inside, Chunk(copies=first, unless=loop.until), *self._copies(rest, loop.until)]
+        body = [item for item in body if not isinstance(item, Chunk) or item.nodes or item.copies or item.yields]
+        if loop.columns and len(body) == 1 and isinstance(body[0], Chunk):
+            body[0].rows = loop
         return [*self._copies(enter, None), Repeat(loop, body)]
+
+    def _yield(self, loop: Loop, inside: list[Item]) -> None:
+        """Let the chunks of a loop over rows put away what it makes of a row, as far as that is wanted."""
+        wanted = {self.nodes[i][3] for i in self.by_region[loop.parent] if self.nodes[i][:2] == ("yield", loop.region)}
+        left = [(loop.yields[k], loop.region, k) for k in sorted(wanted)]
+        for chunk in (item for item in inside if isinstance(item, Chunk)):
+            chunk.yields = [entry for entry in left if entry[0] in chunk.nodes]
+            left = [entry for entry in left if entry not in chunk.yields]
+        if left:
+            inside.append(Chunk(yields=left))
 
     def _copies(self, copies: list[tuple[int, int]], unless: int | None) -> list[Item]:
         return [Chunk(copies=copies[k : k + self.chunk // 4], unless=unless) for k in range(0, len(copies), self.chunk // 4)]
@@ -318,7 +346,9 @@ def _reads_of(nodes: Sequence[Node], loops: Sequence[Loop], item: Item) -> Itera
         for k, i in enumerate(item.nodes):
             yield from ((k, resolved(a, nodes, loops)) for a in operands(nodes[i]))
         yield from ((len(item.nodes), resolved(source, nodes, loops)) for source, _ in item.copies)
+        yield from ((len(item.nodes), resolved(i, nodes, loops)) for i, _, _ in item.yields)
     elif isinstance(item, Repeat):
+        yield from ((0, resolved(i, nodes, loops)) for column in item.loop.columns for i in column)
         yield from ((0, i) for part in item.items for _, i in _reads_of(nodes, loops, part))
     elif isinstance(item, (Exit, Check)):
         yield 0, item.mask
@@ -327,17 +357,31 @@ def _reads_of(nodes: Sequence[Node], loops: Sequence[Loop], item: Item) -> Itera
 
 
 def _slots(
-    nodes: Sequence[Node], loops: Sequence[Loop], guards: dict[int, Masks], items: Sequence[Item]
+    nodes: Sequence[Node],
+    loops: Sequence[Loop],
+    guards: dict[int, Masks],
+    items: Sequence[Item],
+    live: Iterable[int],
+    instead: dict[int, int],
 ) -> tuple[dict[int, int], int]:
     """A slot for each node that is used outside the chunk that computes it, or the branch."""
     defined: dict[int, int] = {}
     last: dict[int, int] = {}
     position = 0
+    taken: dict[int, list[int]] = defaultdict(list)
+    made: dict[int, list[int]] = defaultdict(list)
+    for i in live:
+        if nodes[i][0] == "column":
+            taken[nodes[i][1]] += loops[nodes[i][1] - 1].columns[nodes[i][2]]
+        elif nodes[i][0] == "yield":
+            made[nodes[i][1]].append(i)
 
     def use(i: int, around: list[tuple[int, int]]) -> None:
         i = resolved(i, nodes, loops)
-        if nodes[i][0] == "const":
+        if nodes[i][0] in ("const", "column"):
             return
+        while i in instead:
+            i = instead[i]
         # a loop that runs again needs again what was known before it
         ends = [end for start, end in around if defined[i] < start]
         last[i] = max(last.get(i, -1), ends[0] if ends else position)
@@ -347,10 +391,14 @@ def _slots(
         for item in items:
             position += 1
             if isinstance(item, Repeat):
-                visit(item.items, [*around, (position, position + _length(item.items))])
+                here = [*around, (position, position + _length(item.items))]
+                defined.update((i, position) for i in made[item.loop.region])
+                for i in taken[item.loop.region]:
+                    use(i, here)
+                visit(item.items, here)
             elif isinstance(item, Chunk):
                 defined.update((i, position) for i in item.nodes)
-                for a in _from_slots(nodes, guards, item):
+                for a in (*_from_slots(nodes, guards, item), *(i for i, _, _ in item.yields if i not in item.nodes)):
                     use(a, around)
                 for source, target in item.copies:
                     defined.setdefault(target, position)
@@ -371,7 +419,47 @@ def _slots(
                     use(i, around)
 
     visit(items, [])
-    return _assigned(defined, last)
+    slots, size = _assigned(defined, last)
+    for i, a in instead.items():  # each after the one whose place it takes
+        slots[i] = slots[a]
+    return slots, size
+
+
+def _instead(graph: Graph, nodes: Sequence[Node], guards: dict[int, Masks], items: Sequence[Item]) -> dict[int, int]:
+    """Nodes of branches that can take the place of what they are otherwise, as nothing needs that any more.
+
+    Where the branch is not taken there is nothing to do then.
+    """
+    last: dict[int, tuple[int, int]] = {}
+    chunks: list[tuple[int, Chunk]] = []
+    for n, item in enumerate(flattened(items)):
+        if isinstance(item, Chunk):
+            chunks.append((n, item))
+        if isinstance(item, Repeat):
+            last.update((resolved(i, nodes, graph.loops), (n, 0)) for column in item.loop.columns for i in column)
+            continue
+        for k, i in _reads_of(nodes, graph.loops, item):
+            last[i] = max(last.get(i, (-1, -1)), (n, k))
+    result: dict[int, int] = {}
+    home = {i: n for n, chunk in chunks for i in chunk.nodes}
+    for n, chunk in chunks:
+        place = {i: k for k, i in enumerate(chunk.nodes)}
+        special = {*chunk.kept, *(i for i, _, _ in chunk.yields)}
+        taken: set[int] = set()
+        for part in branched(nodes, guards, chunk.nodes):
+            if not isinstance(part, Branch):
+                continue
+            end = max(place[i] for i in part.nodes())
+            for i in part.yields:
+                if nodes[i][0] != "given" or i in special:
+                    continue
+                b = nodes[i][4]
+                fits = nodes[b][0] not in LEAVES | MASKS and graph.region[b] == graph.region[i] and b not in taken
+                waits = last.get(i, (-1, -1))[0] > n  # used by another chunk
+                if fits and waits and home.get(b, n) < n and last[b] <= (n, end):
+                    result[i] = b
+                    taken.add(b)
+    return result
 
 
 def _from_slots(nodes: Sequence[Node], guards: dict[int, Masks], chunk: Chunk) -> set[int]:

@@ -15,8 +15,11 @@ from articulated.compiler.ir import Format, Text
 from articulated.compiler.program import Program
 from articulated.compiler.schedule import Read, Schedule, Write
 
-_NOWHERE, _ZERO, _TABLES = -1, -2, -10
-"""In place of nodes: where what nobody wants is put, and where zeros are found that nobody wants either."""
+_NOWHERE, _ZERO, _TABLES, _TURNS = -1, -2, -10, -1_000_000
+"""In place of nodes: where what nobody wants is put, and where zeros are found that nobody wants either.
+
+From there on down, where the addresses of tables are, and the numbers of rows.
+"""
 
 
 class Transfers:
@@ -52,7 +55,7 @@ class Transfers:
         rows: list[list[list[int]]] = [[] for _ in self.kinds]
         for first, nodes in sorted(groups.items()):  # memory is touched in order
             present = min(f.lanes, size - first)
-            places = [self._place(nodes.get(k, _NOWHERE if reads else _ZERO)) for k in range(f.lanes)]
+            places = [self.place(nodes.get(k, _NOWHERE if reads else _ZERO)) for k in range(f.lanes)]
             kind = max(k for k, (width, full) in enumerate(self.kinds) if present == width or (present < width and not full))
             rows[kind].append([first * f.bytes, present, *places])
         name, of = f"@groups{len(self._tables)}", f"[{2 + f.lanes} x i32]"
@@ -71,7 +74,7 @@ class Transfers:
             *sorted(self._declared),
         ]
 
-    def _place(self, i: int) -> int:
+    def place(self, i: int) -> int:
         """Where a node is in scratch; constants are put there, and what nobody wants has a place too."""
         if i >= 0 and self.schedule.nodes[i][0] != "const":
             return self.schedule.slot(i) * self.f.vector_bytes
@@ -83,10 +86,15 @@ class Transfers:
         slot = self._extra.setdefault(_TABLES - table, self.schedule.size + len(self._extra))
         return slot * self.f.vector_bytes
 
+    def turn(self, loop: int) -> int:
+        """Where in scratch the number of the row is that a loop over rows is at [bytes]."""
+        slot = self._extra.setdefault(_TURNS - loop, self.schedule.size + len(self._extra))
+        return slot * self.f.vector_bytes
+
     def _addresses(self) -> str:
         """The function `void addresses(scratch, table)` that puts the addresses of tables there."""
         text = Text(self.f)
-        for key in [key for key in self._extra if key <= _TABLES]:
+        for key in [key for key in self._extra if _TURNS < key <= _TABLES]:
             text.keep(text.word("%table", 4 * (_TABLES - key)), text.at("%scratch", self.address(_TABLES - key)))
         return text.function("void", "addresses", "ptr noalias %scratch, ptr %table")
 

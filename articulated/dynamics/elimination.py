@@ -77,9 +77,9 @@ class Elimination:
                 self.rows[s] = Row(Force.zero(), {s: 0.0}, 0.0)
             row = self.rows[s]
             for t, other in inherited.items():  # what open coordinates do to this column
-                _couple(self.rows, s, t, column.dot(other.U))
+                couple(self.rows, s, t, column.dot(other.U))
             for t, earlier in opened:
-                _couple(self.rows, s, t, earlier.dot(U))
+                couple(self.rows, s, t, earlier.dot(U))
             row.D[s] = row.D[s] + column.dot(U)
             row.u = row.u - column.dot(self.pA)
             opened.append((s, column))
@@ -93,7 +93,7 @@ class Elimination:
 
     def couple(self, s: int, t: int, d: Scalar) -> None:
         """Add d to D_st and D_ts of two open coordinates."""
-        _couple(self.rows, s, t, d)
+        couple(self.rows, s, t, d)
 
     def close(self, coordinates: Iterable[int]) -> None:
         """Give up these coordinates, the last first."""
@@ -151,7 +151,7 @@ def merged(parts: Sequence[dict[int, Row]]) -> dict[int, Row]:
     return rows
 
 
-def _couple(rows: dict[int, Row], s: int, t: int, d: Scalar) -> None:
+def couple(rows: dict[int, Row], s: int, t: int, d: Scalar) -> None:
     """Add d to D_st and D_ts (twice to D_ss, where a joint meets another of its own coordinate)."""
     if s == t:
         rows[s].D[s] = rows[s].D[s] + (d + d)

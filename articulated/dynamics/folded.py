@@ -10,13 +10,25 @@ from articulated.dynamics.loops.closure import Line
 from articulated.dynamics.loops.factor import Factor
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree
-from articulated.scalar import Scalar, given, unfolded
+from articulated.scalar import UNDEFINED, Scalar, given, unfolded, where
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Sym3, Vec3
+
+
+@dataclass(frozen=True, eq=False)
+class Pull:
+    """Between two bodies: whether anything acts, and with what inertia and bias, not defined if nothing does."""
+
+    acts: Scalar
+    IA: ArticulatedInertia
+    pA: Force
 
 
 @dataclass(eq=False)
 class Load:
-    """With what terms add: inertia and bias of bodies; to momenta and masses of coordinates, and between those of a joint."""
+    """What terms add: inertia and bias of bodies; momenta and masses of coordinates, and between those of a joint.
+
+    And of rows of loops that give way, and of what acts between two bodies: to the velocity of the first in the second.
+    """
 
     IA: list[ArticulatedInertia]
     pA: list[Force]
@@ -24,11 +36,28 @@ class Load:
     mass: dict[int, Scalar]
     between: dict[tuple[int, int], Scalar]
     lines: dict[int, tuple[Scalar, Scalar]]
+    pairs: dict[tuple[int, int], Pull] = field(default_factory=dict)
 
     def on_body(self, i: int, acts: Scalar, inertia: ArticulatedInertia, bias: Force) -> None:
         """Add something that is nothing unless the mask `acts` holds."""
         new = given(acts, lambda: [*self.IA[i] + inertia, *self.pA[i] + bias], [*self.IA[i], *self.pA[i]])
         self.IA[i], self.pA[i] = ArticulatedInertia.of(new[:21]), Force.of(new[21:])
+
+    def on_pair(self, i: int, j: int, acts: Scalar, inertia: ArticulatedInertia, bias: Force) -> None:
+        """Likewise something that acts on body i one way, and on body j the other."""
+        if (i, j) not in self.pairs:
+            self.pairs[i, j] = Pull(acts, inertia, bias)
+            return
+        one = self.pairs[i, j]
+
+        def both() -> list[Scalar]:
+            # what does not act is not defined
+            alone = [where(one.acts, x, 0.0) for x in (*one.IA, *one.pA)]
+            return [x + where(acts, y, 0.0) for x, y in zip(alone, (*inertia, *bias), strict=True)]
+
+        either = where(one.acts, 1.0, where(acts, 1.0, 0.0)) > 0.5
+        new = given(either, both, [UNDEFINED] * 27)
+        self.pairs[i, j] = Pull(either, ArticulatedInertia.of(new[:21]), Force.of(new[21:]))
 
     def on_joint(self, direction: dict[int, Scalar], mass: Scalar, p: Scalar) -> None:
         for s, x in direction.items():

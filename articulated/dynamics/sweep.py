@@ -10,6 +10,8 @@ Loops tie bodies of different branches: they add rows K v = c, and a pull λ alo
 
 Each column goes through the folded tree by itself, along its own way to the root and no farther: w = Sᵀ K, and K − U D⁻¹ w is
 left of it for the parent. Λ and K v₀ are Σ w D⁻¹ w and Σ w D⁻¹ u: the tree need not be unfolded for them.
+
+What acts by a law between two bodies, such as a contact, leaves the tree: see `together`.
 """
 
 from __future__ import annotations
@@ -23,9 +25,10 @@ from articulated.dynamics.kinematics import combination
 from articulated.dynamics.loops.closure import Line
 from articulated.dynamics.loops.factor import CORRECTIONS, Factor, Redundancy
 from articulated.dynamics.mechanism import WORLD
+from articulated.dynamics.together import Together
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, maximum
-from articulated.spatial import Motion
+from articulated.spatial import Force, Motion
 
 _SOFT = 1e-15
 """A row that gives way acts as if it had this mass at least [kg]: what does not act at all cannot be told from it."""
@@ -68,11 +71,16 @@ class Sweep:
         bodies: Iterable[int] = (),
         coordinates: Iterable[int] = (),
         ties: Ties = _UNTIED,
+        pairs: Iterable[tuple[int, int]] = (),
     ):
-        """Take the tree, the right side, what is added to D, where terms act (on which bodies and coordinates), and loops."""
+        """Take the tree, the right side, what is added to D, and where terms act.
+
+        That is: on which bodies and coordinates, on rows of which loops, and between which bodies.
+        """
         m = self.mechanism = tree.mechanism
         self.tree, self.p, self.mass, self.lines, self._ties = tree, p, mass, ties.lines, ties
-        acted, coordinates = set(bodies), set(coordinates)
+        self._together = Together(tree, pairs)
+        acted, coordinates = {*bodies, *self._together.bodies}, set(coordinates)
         acted |= {i for i, joint in enumerate(m.joints) if coordinates & set(joint.v)}
         self.active = {k for i in acted for k in (WORLD, *m.support(i))}
         self.moving = sorted(s for i in self.active for s in m.closes[i])
@@ -85,6 +93,10 @@ class Sweep:
         if not self.active:
             self._quiet.factor = self._factor(self._quiet)
 
+    def holds_pairs(self, pairs: Iterable[tuple[int, int]]) -> bool:
+        """Whether loads may act between all of these bodies."""
+        return set(pairs) <= set(self._together.pairs)
+
     def unloaded(self) -> Load:
         """Without any term."""
         return Load(list(self._quiet.IA), list(self._quiet.pA), {}, {}, {}, {})
@@ -96,12 +108,46 @@ class Sweep:
 
         `target` is c, of each row; `corrections` as of `Factor.solve`.
         """
-        folded = self._folded(load)
-        pulls = (folded.factor or self._factor(folded)).solve(folded.change(target, load.lines), corrections)
+        return self.solved(self.folded(load), load, target, corrections)
+
+    def solved(
+        self, folded: Folded, load: Load, target: Sequence[Scalar] = (), corrections: int = CORRECTIONS
+    ) -> tuple[list[Scalar], list[Motion], list[Scalar]]:
+        """As `solve`, of what has been folded with that load."""
+        pulls = self._factor_of(folded).solve(folded.change(target, load.lines), corrections)
+        return *self._unfolded(folded, folded.with_pulls(pulls)), pulls
+
+    def again(self, folded: Folded, p: Sequence[Scalar]) -> tuple[list[Scalar], list[Motion], list[Scalar]]:
+        """As `solved`, for another right side, of the coordinates that move with the load; loops' rows do not move.
+
+        Only the right sides are carried through what has been folded.
+        """
+        m, right = self.mechanism, dict(zip(self.moving, p, strict=True))
+        pA: dict[int, Force] = {}
+        u: dict[int, Scalar] = {}
+        free: list[Scalar] = [0.0] * len(self.lines)
+        for i in [*sorted(self.active - {WORLD}, reverse=True), WORLD]:
+            bias = pA.get(i, Force.zero())
+            if i != WORLD:
+                for column, s in zip(self.tree.S[i], m.joints[i].v, strict=True):
+                    own = right[s] if s in right and not m.joints[i].follows else 0.0
+                    u[s] = u.get(s, 0.0) + own - column.dot(bias)
+            for closed in folded.eliminations[i].closed:
+                scaled = u[closed.s] * closed.Dinv
+                for k, w in folded.w.get(closed.s, {}).items():
+                    free[k] = free[k] + w * scaled
+                bias = bias + closed.U * scaled
+                for t, d in closed.D.items():
+                    u[t] = u.get(t, 0.0) - d * scaled
+            if i != WORLD and (parent := m.parent[i]) != WORLD:
+                pA[parent] = pA[parent] + bias if parent in pA else bias
+        pulls = self._factor_of(folded).solve([-x for x in free], 0)
+        return *self._unfolded(folded, lambda closed: u[closed.s] + folded.pulled(closed, pulls)), pulls
+
+    def _unfolded(self, folded: Folded, u: Callable[[Closed], Scalar]) -> tuple[list[Scalar], list[Motion]]:
         v: list[Scalar] = [0.0] * self.mechanism.nv
         bodies = sorted(self.active - {WORLD})
-        V = self._unfold(folded, v, solves=lambda i: i in self.active, bodies=bodies, u=folded.with_pulls(pulls))
-        return v, V, pulls
+        return v, self._unfold(folded, v, solves=lambda i: i in self.active, bodies=bodies, u=u)
 
     def rest(self, moving: Sequence[Scalar], pulls: Sequence[Scalar] = ()) -> list[Scalar]:
         """The velocities of all coordinates, from those that move with the load and the pulls."""
@@ -139,14 +185,23 @@ class Sweep:
         soft = dict.fromkeys(range(n - self._ties.ropes, n), 1.0 / _SOFT) | folded.soft
         return Factor(folded.matrix, self._ties.sizes, soft, self._ties.known, self._ties.leaves_out)
 
-    def _folded(self, load: Load) -> Folded:
+    def _factor_of(self, folded: Folded) -> Factor:
+        if folded.factor is None:
+            folded.factor = self._factor(folded)
+        return folded.factor
+
+    def folded(self, load: Load) -> Folded:
         """All of the tree, with a load."""
         if not self.active:
             return self._quiet
         folded = self._quiet.copy(load)
         bodies = sorted(self.active - {WORLD}, reverse=True)
-        self._fold(folded, bodies, load)
-        self._close_world(folded)
+        self._fold(folded, [i for i in bodies if i not in self._together.bodies], load)
+        if self._together.bodies:
+            folded.eliminations |= {i: Elimination.none() for i in self._together.bodies}
+            folded.eliminations[WORLD] = self._together.elimination(folded, load, self.p, self.mass)
+        else:
+            self._close_world(folded)
         self._carry(folded, [*bodies, WORLD])
         folded.soft = {k: 1.0 / maximum(mass, _SOFT) for k, (mass, _) in load.lines.items()}
         return folded

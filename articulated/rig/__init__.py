@@ -6,6 +6,8 @@ from articulated.rig.errors import RigError, RigWarning
 from articulated.rig.joint import KINDS, Joint, Limits, Mimic
 from articulated.rig.load import load, shipped_rigs
 from articulated.rig.loop import Loop
+from articulated.rig.loose import loose_body
+from articulated.rig.mass import MassProperties, mass_properties
 from articulated.rig.rig import Body, Link, Rig
 from articulated.rig.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
 
@@ -19,6 +21,7 @@ __all__ = [
     "Limits",
     "Link",
     "Loop",
+    "MassProperties",
     "Mesh",
     "Mimic",
     "Rig",
@@ -29,5 +32,7 @@ __all__ = [
     "Sphere",
     "compose",
     "load",
+    "loose_body",
+    "mass_properties",
     "shipped_rigs",
 ]

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from articulated.rig.assembly import assemble
+from articulated.rig.collisions import CollisionRule, disabled_pairs
 from articulated.rig.description import JointDescription, LinkDescription, check_joint, check_link
 from articulated.rig.errors import Place
 from articulated.rig.fit import check_loop
@@ -41,6 +42,7 @@ class RigBuilder:
         self._links: list[LinkDescription] = []
         self._joints: list[JointDescription] = []
         self._loops: list[tuple[Loop, Place]] = []
+        self._collision_rules: list[CollisionRule] = []
 
     def link(
         self,
@@ -149,6 +151,22 @@ class RigBuilder:
             raise place.error("another loop has this name", "rename it")
         self._loops.append((loop, place))
 
+    def disable_collisions(self, link1: str, link2: str | None = None, *, place: Place | None = None) -> None:
+        """Keep two links, or a link and all others (None), from colliding; the links may be added later.
+
+        Links that turn out not to exist are skipped, with a `RigWarning`. The last word on a pair counts.
+        """
+        self._rule(link1, link2, False, place)
+
+    def enable_collisions(self, link1: str, link2: str | None = None, *, place: Place | None = None) -> None:
+        """Let two links, or a link and all others (None), collide after all; see `disable_collisions`."""
+        self._rule(link1, link2, True, place)
+
+    def _rule(self, link1: str, link2: str | None, collide: bool, place: Place | None) -> None:
+        what = f"{'enable' if collide else 'disable'}_collisions"
+        place = place or Place(self.source or f"rig {self.name!r}", what)
+        self._collision_rules.append(CollisionRule(link1, link2, collide, place))
+
     def build(self, root: str = "fixed", *, repair_inertia: bool = False) -> Rig:
         """The rig of these links and joints.
 
@@ -169,7 +187,8 @@ class RigBuilder:
                 check_loop(rig, loop)
             except ValueError as error:
                 raise place.error(str(error).removeprefix(f"{loop}: "), "correct the loop") from None
-        return replace(rig, loops=tuple(loop for loop, _ in self._loops))
+        loops = tuple(loop for loop, _ in self._loops)
+        return replace(rig, loops=loops, disabled_collisions=disabled_pairs(tuple(rig.links), self._collision_rules))
 
 
 def _number(place: Place, what: str, value: Any) -> float:

@@ -64,6 +64,8 @@ def _add(builder: RigBuilder, name: str, rig: Rig) -> None:
         builder.joint(f"{name}/{WORLD}", "fixed", WORLD, f"{name}/{root}")
     for loop in rig.loops:
         builder.loop(_renamed(loop, name, rig))
+    for link1, link2 in rig.disabled_collisions:
+        builder.disable_collisions(f"{name}/{link1}", f"{name}/{link2}")
 
 
 def _joint(builder: RigBuilder, name: str, joint: Joint) -> None:

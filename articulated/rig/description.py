@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Real
 
 import numpy as np
 
 from articulated.rig.errors import Place
 from articulated.rig.joint import ALIASES, KINDS, Limits, Mimic
-from articulated.rig.shapes import Mesh, Shape, dimensions
+from articulated.rig.shapes import Box, Geometry, Mesh, Shape, Sphere, dimensions
 
 FARTHEST = 50.0
 """A joint or a shape farther or larger than this [m] was probably given in millimetres."""
@@ -74,7 +75,7 @@ def check_link(link: LinkDescription) -> None:
         if gyration > FARTHEST or np.linalg.norm(link.center) > FARTHEST:
             place.warn(f"{link.mass:g} kg is spread over more than {FARTHEST:g} m", "units are metres, kilograms and kg m²")
     for shape in (*link.collisions, *link.visuals):
-        _check_shape(place, shape)
+        check_shape(place, shape)
 
 
 def check_joint(joint: JointDescription) -> None:
@@ -100,6 +101,29 @@ def check_joint(joint: JointDescription) -> None:
         raise place.error(f"mimic multiplier is {joint.mimic.multiplier:g}", "give a finite one, or make the joint fixed")
     if joint.mimic and not math.isfinite(joint.mimic.offset):
         raise place.error(f"mimic offset is {joint.mimic.offset:g}", "give a finite number")
+
+
+def check_shape(place: Place, shape: Shape) -> None:
+    """Refuse what no shape can be; warn of what it hardly is."""
+    geometry = shape.geometry
+    if not isinstance(geometry, Geometry):
+        raise place.error(f"a geometry is {geometry!r}", "give a Sphere, Box, Cylinder, Capsule or Mesh")
+    sizes = dimensions(geometry)
+    kind = type(geometry).__name__.lower()
+    _check_finite(place, f"pose of its {kind}", shape.pose)
+    wanted = {Sphere: 1, Box: 3, Mesh: 3}.get(type(geometry), 2)
+    if np.shape(sizes) != (wanted,) or not all(isinstance(size, Real) for size in sizes):
+        raise place.error(f"{kind} has size {sizes}", f"give {wanted} number{'s' if wanted > 1 else ''}")
+    if not all(abs(size) <= LARGEST for size in sizes):  # false for NaN
+        raise place.error(f"{kind} has size {sizes}", "give finite numbers")
+    if isinstance(geometry, Mesh):
+        if 0.0 in sizes:
+            raise place.error(f"mesh scale is {sizes}", "give numbers other than zero")
+        return
+    if min(sizes) < 0.0 or (min(sizes) == 0.0 and kind != "capsule"):
+        raise place.error(f"{kind} has size {sizes}", "give positive lengths in metres")
+    if max(sizes) > FARTHEST:
+        place.warn(f"{kind} is {max(sizes):g} m large", "units are metres; were these millimetres?")
 
 
 def second_moment(inertia: np.ndarray) -> np.ndarray:
@@ -172,19 +196,3 @@ def _check_numbers(joint: JointDescription) -> None:
         place.warn(f"may turn by {max(ends):g} rad", "units are radians; were these degrees?")
     if joint.kind == "prismatic" and any(end > FARTHEST for end in ends):
         place.warn(f"may slide by {max(ends):g} m", "units are metres; were these millimetres?")
-
-
-def _check_shape(place: Place, shape: Shape) -> None:
-    sizes = dimensions(shape.geometry)
-    kind = type(shape.geometry).__name__.lower()
-    _check_finite(place, f"pose of its {kind}", shape.pose)
-    if not all(abs(size) <= LARGEST for size in sizes):  # false for NaN
-        raise place.error(f"{kind} has size {sizes}", "give finite numbers")
-    if isinstance(shape.geometry, Mesh):
-        if 0.0 in sizes:
-            raise place.error(f"mesh scale is {sizes}", "give numbers other than zero")
-        return
-    if min(sizes) < 0.0 or (min(sizes) == 0.0 and kind != "capsule"):
-        raise place.error(f"{kind} has size {sizes}", "give positive lengths in metres")
-    if max(sizes) > FARTHEST:
-        place.warn(f"{kind} is {max(sizes):g} m large", "units are metres; were these millimetres?")

@@ -21,6 +21,7 @@ def load(
     *,
     mesh_dirs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     repair_inertia: bool = False,
+    srdf: str | bytes | os.PathLike[str] | None = None,
 ) -> Rig:
     """A rig from URDF.
 
@@ -29,6 +30,7 @@ def load(
         root: how the root link meets the world: "fixed", "free" (6 dof) or "planar" (3 dof).
         mesh_dirs: where to look for mesh files and packages, beside the usual places. Dynamics need no meshes.
         repair_inertia: replace an inertia that no mass could have by the nearest that one could.
+        srdf: path or text of an SRDF, whose pairs of links may not collide either; see `Rig.disabled_collisions`.
 
     Returns:
         The rig.
@@ -38,7 +40,10 @@ def load(
         ValueError: `root` is none of these.
     """
     directories = [mesh_dirs] if isinstance(mesh_dirs, (str, os.PathLike)) else list(mesh_dirs)
-    return read(source, [Path(directory) for directory in directories]).build(root, repair_inertia=repair_inertia)
+    builder = read(source, [Path(directory) for directory in directories])
+    if srdf is not None:
+        _add_srdf(srdf, builder, [Path(directory) for directory in directories])
+    return builder.build(root, repair_inertia=repair_inertia)
 
 
 def read(source: str | bytes | os.PathLike[str], mesh_dirs: Sequence[Path] = ()) -> RigBuilder:
@@ -46,32 +51,56 @@ def read(source: str | bytes | os.PathLike[str], mesh_dirs: Sequence[Path] = ())
     from articulated.rig.urdf.reader import read_urdf
     from articulated.rig.urdf.xml import read_file
 
-    if isinstance(source, (bytes, bytearray)):
-        return read_urdf(bytes(source), "<text>", None, mesh_dirs)
-    if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
-        return read_urdf(source.lstrip("\ufeff \t\r\n").encode(), "<text>", None, mesh_dirs)
-    path = find_rig(source, mesh_dirs)
+    if (text := _text(source)) is not None:
+        return read_urdf(text, "<text>", None, mesh_dirs)
+    path = find_rig(source, mesh_dirs)  # type: ignore[arg-type]
     return read_urdf(read_file(path), str(path), path.parent, mesh_dirs)
+
+
+def _add_srdf(source: str | bytes | os.PathLike[str], builder: RigBuilder, mesh_dirs: Sequence[Path]) -> None:
+    from articulated.rig.urdf.srdf import read_srdf
+    from articulated.rig.urdf.xml import read_file
+
+    if (text := _text(source)) is not None:
+        read_srdf(text, "<srdf>", builder)
+        return
+    path = _find(source, mesh_dirs, "give a path or SRDF text")  # type: ignore[arg-type]
+    read_srdf(read_file(path, "SRDF"), str(path), builder)
+
+
+def _text(source: str | bytes | os.PathLike[str]) -> bytes | None:
+    """The document, if a source is one and not the name of a file."""
+    if isinstance(source, (bytes, bytearray)):
+        return bytes(source)
+    if isinstance(source, str) and source.lstrip("\ufeff \t\r\n").startswith("<"):
+        return source.lstrip("\ufeff \t\r\n").encode()
+    return None
 
 
 def find_rig(source: str | os.PathLike[str], mesh_dirs: Sequence[Path] = ()) -> Path:
     """The file that a path, a package:// address or the name of a shipped rig means."""
+    path = _find(source, mesh_dirs, "give a path, URDF text or a shipped rig's name")
+    if not os.path.exists(path):
+        name, shipped = os.fspath(source), shipped_rigs()
+        if name in shipped:
+            return shipped[name]
+        if close := get_close_matches(name, shipped, n=1):
+            raise RigError(name, None, "", "no such file", f"did you mean the shipped rig {close[0]!r}?")
+    return path
+
+
+def _find(source: str | os.PathLike[str], mesh_dirs: Sequence[Path], remedy: str) -> Path:
+    """The file that a path or a package:// address means."""
     from articulated.rig.urdf import files
 
     name = os.fspath(source)
     if not isinstance(name, str) or not name or "\0" in name:
-        raise RigError(repr(source), None, "", "is not a path", "give a path, URDF text or a shipped rig's name")
+        raise RigError(repr(source), None, "", "is not a path", remedy)
     if name.startswith("package://"):
         path = files.find(name, None, mesh_dirs, Place(name))
         if path is None:
             raise RigError(name, None, "", "is in no known package", "set ROS_PACKAGE_PATH or give mesh_dirs")
         return path
-    if not os.path.exists(name):
-        shipped = shipped_rigs()
-        if name in shipped:
-            return shipped[name]
-        if close := get_close_matches(name, shipped, n=1):
-            raise RigError(name, None, "", "no such file", f"did you mean the shipped rig {close[0]!r}?")
     return Path(name)
 
 

@@ -100,6 +100,7 @@ class Rig:
         source: the file it came from, or "".
         ignored: elements of the source that mean nothing to a simulation, counted by name.
         loops: what joins its links besides joints, if its source says; a `Simulation` closes these.
+        disabled_collisions: pairs of links that may not collide, by name, each pair in the order of `links`, and the pairs too.
         nq, nv: length of a configuration, and of a generalized velocity: the number of degrees of freedom.
     """
 
@@ -112,6 +113,7 @@ class Rig:
     source: str
     ignored: Mapping[str, int]
     loops: tuple[Loop, ...] = ()
+    disabled_collisions: tuple[tuple[str, str], ...] = ()
     nq: int = field(init=False)
     nv: int = field(init=False)
 

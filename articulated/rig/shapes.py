@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -68,6 +71,39 @@ class Shape:
     pose: np.ndarray = field(default_factory=lambda: np.eye(4))
     name: str = ""
     color: tuple[float, float, float, float] | None = None
+
+
+def parts_of(given: Any) -> list[Any]:
+    """What was given, be it one thing or a sequence of them.
+
+    Raises:
+        ValueError: it is an empty sequence.
+    """
+    if not isinstance(given, Sequence) or isinstance(given, str):
+        return [given]
+    if not given:
+        raise ValueError("an empty sequence of shapes was given; expected one shape at least")
+    return list(given)
+
+
+def shape_of(geometry: Shape | Geometry | str | os.PathLike[str]) -> Shape:
+    """A shape as it is; of a geometry, or of the mesh in a file, one that stands at the origin.
+
+    Raises:
+        ValueError: it is none of these, or there is no such file.
+    """
+    if isinstance(geometry, Shape):
+        return geometry
+    if isinstance(geometry, Geometry):
+        return Shape(geometry)
+    if isinstance(geometry, (str, os.PathLike)):
+        path = Path(os.path.abspath(os.fspath(geometry)))  # a rig may be written, and read elsewhere
+        if not path.is_file():
+            raise ValueError(f"{path}: no such file; give the path of a mesh")
+        return Shape(Mesh(str(path), path=path))
+    raise ValueError(
+        f"a geometry is {geometry!r}; expected a Sphere, Box, Cylinder, Capsule or Mesh, a Shape, or the path of a mesh"
+    )
 
 
 def dimensions(geometry: Geometry) -> tuple[float, ...]:

@@ -2,6 +2,8 @@
 
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
+from articulated.simulation.contact.choosing import CollisionPairs, collision_pairs
+from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground, Material
 from articulated.simulation.contact.sensing import Contacts
 from articulated.simulation.contact.surfaces import HeightField, Plane, Stairs
@@ -13,6 +15,8 @@ from articulated.simulation.state import State
 __all__ = [
     "INTEGRATORS",
     "PD",
+    "CollisionPairs",
+    "Collisions",
     "ContactPoint",
     "Contacts",
     "FirstOrder",
@@ -24,6 +28,7 @@ __all__ = [
     "Stairs",
     "State",
     "Stops",
+    "collision_pairs",
     "first_order",
     "simulate",
 ]

@@ -15,6 +15,7 @@ from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree, force_at, in_world, tree
 from articulated.scalar import Scalar, maximum, minimum, sqrt
 from articulated.simulation.contact.gaps import gaps
+from articulated.simulation.contact.meeting import touches
 from articulated.simulation.implicit.terms import SLIP_SPEED
 from articulated.simulation.scene import Drives, Numbers, Scene
 from articulated.spatial import Force, Motion, Vec3
@@ -61,11 +62,11 @@ def compliance(
             wanted = maximum(minimum(wanted, limit), -limit)
         tau[s] = tau[s] + wanted
     given = Given(tau, [None] * m.nbodies, 0.0, [])
-    if scene.touches or scene.ropes:
+    if scene.contacts or scene.ropes:
         now = tree(m, q)
         V = now.velocities(in_world(now, v))
         given = _pulled(scene, numbers, now, q, V, given)
-        given = _touched(scene, numbers, now, V, given, tables) if scene.touches else given
+        given = _touched(scene, numbers, now, V, given, tables) if scene.contacts else given
     return given
 
 
@@ -85,17 +86,23 @@ def _pulled(scene: Scene, numbers: Numbers, now: Tree, q: Sequence[Scalar], V: S
 
 
 def _touched(scene: Scene, numbers: Numbers, now: Tree, V: Sequence[Motion], given: Given, tables: Sequence[Any]) -> Given:
+    """With what touches the ground, or each other."""
     power = given.power
-    for n, gap in enumerate(gaps(scene, now, tables)):
-        material, body = numbers.materials[scene.material[scene.candidate_of(n)]], scene.body_of(n)
-        u = V[body].linear + V[body].angular.cross(gap.point) - Vec3.of(scene.velocity)
+    met = touches(now, scene.pieces, scene.pairs, near=True)
+    for n, gap in enumerate([*gaps(scene, now, tables), *met]):
+        material, ends = numbers.materials[scene.material_of(n)], (scene.body_of(n), scene.other_of(n))
+        ground = Vec3.of(scene.velocity) if n < scene.touches else Vec3.zero()
+        motion = V[ends[0]] - V[ends[1]] if ends[1] != WORLD else V[ends[0]]
+        u = motion.linear + motion.angular.cross(gap.point) - ground
         un = gap.normal.dot(u)
         push = _push(gap.size, un, material.stiffness, material.dissipation)
         across = u - gap.normal * un
         rub = material.friction * push / sqrt(across.dot(across) + SLIP_SPEED * SLIP_SPEED)
         f = gap.normal * push - across * rub
-        power = power + f.dot(u + Vec3.of(scene.velocity))
-        given.on_body(now, body, force_at(gap.point, f, Vec3.zero()))
+        power = power + f.dot(u + ground)
+        for body, sign in zip(ends, (1.0, -1.0), strict=True):
+            if body != WORLD:
+                given.on_body(now, body, force_at(gap.point, f * sign, Vec3.zero()))
     return Given(given.tau, given.on_bodies, power, given.pulls)
 
 

@@ -11,12 +11,16 @@ import numpy as np
 from articulated.dynamics.boundary import find_link
 from articulated.dynamics.loops.closure import closures
 from articulated.dynamics.loops.functions import own_loops
+from articulated.dynamics.mechanism import WORLD
 from articulated.rig import Loop, Rig
 from articulated.rig.errors import RigWarning
 from articulated.scalar import flatten, rebuilt
 from articulated.simulation.actuation import PD, Gains, Stops, gains
 from articulated.simulation.contact.candidates import ContactPoint, candidates
+from articulated.simulation.contact.choosing import Selection, chosen, name_of
+from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground, Material
+from articulated.simulation.contact.meeting import Pair
 from articulated.simulation.scene import DriveNumbers, MaterialNumbers, Numbers, Scene
 
 DEPTH = 5e-4
@@ -32,6 +36,7 @@ def described(
     actuation: PD | None,
     tolerance: float,
     loops: Sequence[Loop] | None = None,
+    collisions: Collisions | bool | None = None,
 ) -> tuple[Scene, Numbers, np.ndarray]:
     """The scene, the structure of its numbers, and their values, shape (..., n).
 
@@ -40,12 +45,16 @@ def described(
     """
     ground = Ground() if ground is True else None if ground is False else ground
     _check_kind("ground", ground, Ground, "a Ground, True or None")
+    if not isinstance(collisions, bool):
+        _check_kind("collisions", collisions, Collisions, "a Collisions, True or None")
     _check_kind("actuation", actuation, PD, "a PD or None")
     stops = Stops() if limits is True else None if limits is False else limits
     _check_kind("limits", stops, Stops, "True, False or Stops")
     driven = gains(rig, actuation) if actuation is not None else None
     scene, materials = _scene(rig, ground, points, stops, driven)
     some = closures(rig, own_loops(rig, loops))
+    if collisions is not None and collisions is not False:
+        scene, materials = _with_pairs(scene, materials, Collisions() if collisions is True else collisions)
     scene = replace(scene, loops=tuple(x for x in some if not x.one_sided), ropes=tuple(x for x in some if x.one_sided))
     none = np.zeros(0)
     p, d, limit = (driven.stiffness, driven.damping, driven.limit) if driven else (none, none, none)
@@ -92,6 +101,23 @@ def _scene(
         stops is not None,
         drives,
     )
+    return scene, materials
+
+
+def _with_pairs(scene: Scene, materials: list[Material], collisions: Collisions) -> tuple[Scene, list[Material]]:
+    """A scene in which bodies touch each other too."""
+    rig, choice, names = scene.rig, chosen(scene.rig, collisions), Selection(scene.rig, collisions)
+    first, special = len(materials), list(collisions.materials)
+    own = [collisions.material, *collisions.materials.values()]
+    pairs = []
+    for i, j in choice.pairs:
+        links = name_of(rig, choice.pieces[i]), name_of(rig, choice.pieces[j])
+        matching = [k for k, pair in enumerate(special, 1) if names.match(links, [pair])]
+        a, b = (j, i) if choice.pieces[i].body(scene.mechanism) == WORLD else (i, j)
+        pairs.append(Pair(a, b, first + max(matching, default=0)))
+    rebounds = scene.rebounds or any(material.restitution > 0.0 for material in own)
+    materials = [*materials, *own]
+    scene = replace(scene, pieces=choice.pieces, pairs=tuple(pairs), materials=len(materials), rebounds=rebounds)
     return scene, materials
 
 

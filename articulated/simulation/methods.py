@@ -115,6 +115,7 @@ class Implicit(Fixed):
         return {
             "before": motion.stance.before,
             "contact_forces": motion.stance.contact_forces,
+            "pair_forces": motion.stance.pair_forces,
             "efforts": motion.stance.efforts,
             "loop_forces": motion.stance.pulls,
             "carry": motion.stance.carry,

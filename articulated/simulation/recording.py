@@ -9,11 +9,14 @@ import numpy as np
 
 from articulated.dynamics.functions import kinetic_energy, potential_energy
 from articulated.dynamics.loops.functions import gaps
-from articulated.simulation.contact.sensing import contact_geometry, contact_links
+from articulated.rig.errors import RigWarning
+from articulated.simulation.contact.sensing import contact_geometry, contact_links, contact_others
 from articulated.simulation.implicit.energy import solved_kinetic_energy
 from articulated.simulation.rollout import Rollout
 from articulated.trajectory import Outcome, Trajectory
 
+_OVERLAP = 2e-3
+"""What starts so deep in something else is told [m]."""
 _LARGEST = 1e15
 """A state with larger numbers than this has diverged: an angle has no sine any more that means anything."""
 
@@ -51,9 +54,10 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
     settings: dict[str, str | float | int] = {"integrator": world.integrator, "dt": times.h, "substeps": rollout.plan.substeps}
     if world.integrator == "dopri5":
         settings |= {"rtol": times.rtol, "atol": times.atol}
-    scene, n = world.scene, world.scene.touches
+    scene = world.scene
     geometry = contact_geometry(scene, sound_q)
-    forces = shown.get("contact_forces", np.zeros((*q.shape[:-1], 3 * n)))
+    shapes = (("contact_forces", scene.touches), ("pair_forces", len(scene.pairs)))
+    pushes = [shown.get(name, np.zeros((*q.shape[:-1], 3 * n))).reshape(*q.shape[:-1], n, 3) for name, n in shapes]
     if rollout.solves:
         settings["tolerance"] = float(world.numbers[..., -1].min())
     if (efforts := shown.get("efforts")) is not None and scene.drives is not None:
@@ -71,17 +75,33 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         outcome=np.asarray(outcome),
         settings=settings,
         contact_links=contact_links(scene),
+        contact_others=contact_others(scene),
         contact_points=geometry[..., :3],
         contact_normals=geometry[..., 3:6],
         contact_gaps=geometry[..., 6],
-        contact_forces=forces.reshape(*q.shape[:-1], n, 3).astype(float, copy=False),
+        contact_forces=np.concatenate(pushes, axis=-2).astype(float, copy=False),
         loop_rows=tuple(scene.rows),
         loop_gaps=gaps(rig, (*scene.loops, *scene.ropes), sound_q, None),
         loop_forces=shown.get("loop_forces", np.zeros((*q.shape[:-1], 0))).astype(float, copy=False),
         residual=rollout.residual(),
     )
+    _warn_of_overlaps(trajectory)
     for outcome, count in trajectory.report.outcomes.items():
         if outcome is not Outcome.COMPLETED:
             text = f"{count} of {trajectory.outcome.size} states of rig {rig.name!r}: {outcome.label}; {outcome.remedy}"
             warnings.warn(text, RuntimeWarning, stacklevel=4)
     return trajectory
+
+
+def _warn_of_overlaps(run: Trajectory) -> None:
+    """Tell which bodies start in each other."""
+    first = np.where([bool(name) for name in run.contact_others], run.contact_gaps[..., 0, :], np.inf)
+    deep = first < -_OVERLAP
+    if deep.any():
+        worst = np.unravel_index(int(np.argmin(first)), first.shape)
+        names = f"{run.contact_links[worst[-1]]!r} and {run.contact_others[worst[-1]]!r}"
+        text = (
+            f"{int(deep.any(axis=-1).sum())} of {run.outcome.size} states of rig {run.rig.name!r} start with bodies in each"
+            f" other, {names} by {-1e3 * first[worst]:.3g} mm; they are pushed apart slowly: move them, or exclude the pair"
+        )
+        warnings.warn(text, RigWarning, stacklevel=5)

@@ -17,11 +17,14 @@ from articulated.compiler import evaluate
 from articulated.dynamics.loops.closure import Closure, lines, sizes
 from articulated.dynamics.loops.constrained import jacobian_rows
 from articulated.dynamics.mass_matrix import mass_matrix
-from articulated.dynamics.mechanism import Mechanism, TreeJoint, content, mechanism
+from articulated.dynamics.mechanism import WORLD, Mechanism, TreeJoint, content, mechanism
+from articulated.dynamics.together import fill
 from articulated.dynamics.tree import Tree, tree
 from articulated.rig import Rig
 from articulated.scalar import Scalar, sqrt
 from articulated.simulation.contact.candidates import Candidate
+from articulated.simulation.contact.meeting import Pair, count
+from articulated.simulation.contact.pieces import Piece, stand
 from articulated.simulation.contact.surfaces import HeightField, Solid
 from articulated.spatial import Vec3
 from articulated.spatial.rotation import quaternion_log
@@ -29,6 +32,9 @@ from articulated.spatial.rotation import quaternion_log
 _UNLIMITED = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""
 _TINY = 1e-20
+MOST_FILL = 22_000
+"""Multiply-adds for factoring a step's linear system, of fifty coordinates that all touch each other: beyond, it is solved by
+conjugate gradients."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,8 @@ class Scene:
         drives: what moves joints, or None.
         loops: what closes the rig.
         ropes: loops that only ever pull.
+        pieces: convex shapes of the rig and of what stands around.
+        pairs: which of these may touch each other.
     """
 
     rig: Rig
@@ -83,6 +91,8 @@ class Scene:
     drives: Drives | None = None
     loops: tuple[Closure, ...] = ()
     ropes: tuple[Closure, ...] = ()
+    pieces: tuple[Piece, ...] = ()
+    pairs: tuple[Pair, ...] = ()
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -96,19 +106,21 @@ class Scene:
         parts = surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
         limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
-        return repr((*parts, self.drives, limits, self.loops, self.ropes)).encode() + content(self.rig)
+        parts = *parts, self.drives, limits, self.loops, self.ropes, self.pieces, self.pairs, self.iterates
+        return repr(parts).encode() + content(self.rig)
 
     @property
     def is_one_sided(self) -> bool:
         """Whether a step is more than a linear system."""
         limited = self.drives is not None and self.drives.limited
-        return bool(self.touches or self.stopped or self.cones or self.ropes or limited or any(self.mechanism.friction))
+        one_sided = self.contacts or self.stopped or self.cones or self.ropes
+        return bool(one_sided or limited or any(self.mechanism.friction))
 
     @property
     def is_stiff(self) -> bool:
         """Whether anything in it is that an explicit method may not get over."""
         m = self.mechanism
-        one_sided = self.touches or self.stopped or self.cones or self.ropes
+        one_sided = self.contacts or self.stopped or self.cones or self.ropes
         return bool(one_sided or self.drives or any(m.damping) or any(m.friction))
 
     @property
@@ -118,8 +130,32 @@ class Scene:
 
     @property
     def touches(self) -> int:
-        """How many contacts there can be: each candidate's with each surface, surfaces counting faster."""
+        """How many contacts with the ground there can be: each candidate's with each surface, surfaces counting faster."""
         return len(self.candidates) * len(self.surfaces)
+
+    @property
+    def contacts(self) -> int:
+        """And how many in all: with the ground, then those of pairs."""
+        return self.touches + len(self.pair_of)
+
+    @cached_property
+    def pair_of(self) -> list[Pair]:
+        """Of each contact between two pieces."""
+        return [pair for pair in self.pairs for _ in range(self.points_of(pair))]
+
+    @cached_property
+    def couplings(self) -> list[tuple[int, int]]:
+        """Bodies between which contacts may act."""
+        return list(dict.fromkeys(ends for pair in self.pairs if WORLD not in (ends := self.ends(pair))))
+
+    @cached_property
+    def iterates(self) -> bool:
+        """Whether contacts between bodies are too many for a direct solution of a step's linear system."""
+        return fill(self.mechanism, self.couplings) > MOST_FILL
+
+    def points_of(self, pair: Pair) -> int:
+        """In how many points it may touch at once."""
+        return count(self.pieces[pair.a], self.pieces[pair.b])
 
     def candidate_of(self, n: int) -> int:
         """Of the n-th contact."""
@@ -131,7 +167,21 @@ class Scene:
 
     def body_of(self, n: int) -> int:
         """Of the n-th contact."""
+        if n >= self.touches:
+            return self.ends(self.pair_of[n - self.touches])[0]
         return self.mechanism.links[self.candidates[self.candidate_of(n)].link][0]
+
+    def other_of(self, n: int) -> int:
+        """The other body of the n-th contact."""
+        return WORLD if n < self.touches else self.ends(self.pair_of[n - self.touches])[1]
+
+    def material_of(self, n: int) -> int:
+        """Of the n-th contact."""
+        return self.material[self.candidate_of(n)] if n < self.touches else self.pair_of[n - self.touches].material
+
+    def ends(self, pair: Pair) -> tuple[int, int]:
+        """The bodies of a pair."""
+        return self.pieces[pair.a].body(self.mechanism), self.pieces[pair.b].body(self.mechanism)
 
     @cached_property
     def stopped(self) -> list[int]:
@@ -166,14 +216,41 @@ class Scene:
 
     def felt(self, n: int) -> float:
         """How much velocity an impulse at the n-th contact gives, on average over directions, the rig neutral [1/kg]."""
+        if n >= self.touches:
+            return self._felt_between[self.pair_of[n - self.touches]]
         m, now, candidate = self.mechanism, self._neutral, self.candidates[self.candidate_of(n)]
         body, X_BL = m.links[candidate.link]
         r = np.array(list((now.X[body] @ X_BL).transform_point(Vec3.of(candidate.center))))
-        J = np.zeros((3, m.nv))
+        return float(self._felt_along(self._point_jacobian(body, r[None]))[0])
+
+    @cached_property
+    def _felt_between(self) -> dict[Pair, float]:
+        """Likewise between two pieces, on average over points of their surfaces, too [1/kg]."""
+        now, result = self._neutral, {}
+        for pair in self.pairs:
+            J = [np.zeros((1, 3, self.mechanism.nv))] * 2
+            for k, (piece, body) in enumerate(zip((pair.a, pair.b), self.ends(pair), strict=True)):
+                if body != WORLD:
+                    R, p = stand(now, self.pieces[piece])
+                    r = self.pieces[piece].corners @ np.array([list(row) for row in R.rows]).T + np.array(list(p))
+                    J[k] = self._point_jacobian(body, r)
+            between = (J[0][:, None] - J[1][None]).reshape(-1, 3, self.mechanism.nv)
+            result[pair] = float(self._felt_along(between).mean())
+        return result
+
+    def _point_jacobian(self, body: int, r: np.ndarray) -> np.ndarray:
+        """Of points of a body, about O, shape (n, 3): how coordinates move them where the rig is neutral, shape (n, 3, nv)."""
+        m, now = self.mechanism, self._neutral
+        J = np.zeros((len(r), 3, m.nv))
         for i in m.support(body):
             for column, s in zip(now.S[i], m.joints[i].v, strict=True):
-                J[:, s] += np.array(list(column.linear)) + np.cross(list(column.angular), r)
-        return float(np.linalg.norm(np.diag(J @ self._inverse_mass @ J.T)) / np.sqrt(3.0))
+                J[:, :, s] += np.array(list(column.linear)) + np.cross(list(column.angular), r)
+        return J
+
+    def _felt_along(self, J: np.ndarray) -> np.ndarray:
+        """How much velocity an impulse gives, on average over three directions, shapes (n, 3, nv) and (n,) [1/kg]."""
+        given = np.einsum("nia,ab,nib->ni", J, self._inverse_mass, J, optimize=True)
+        return np.linalg.norm(given, axis=1) / np.sqrt(3.0)
 
     def rope_felt(self, rope: Closure) -> float:
         """Likewise between the ends of a rope, on average over directions [1/kg]."""

@@ -17,8 +17,9 @@ from articulated.rig import Loop, Rig
 from articulated.scalar import flatten
 from articulated.simulation.actuation import PD, Stops
 from articulated.simulation.contact.candidates import ContactPoint
+from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground
-from articulated.simulation.contact.sensing import Contacts, contact_geometry, contact_links
+from articulated.simulation.contact.sensing import Contacts, contact_geometry, contact_links, contact_others
 from articulated.simulation.control import Signal
 from articulated.simulation.describe import described
 from articulated.simulation.methods import INTEGRATORS, Times
@@ -54,6 +55,7 @@ class Simulation:
             None takes all links that move. What a step takes grows with their number.
         limits: whether joint limits are stops, or what stops they are.
         actuation: drives of its joints; then a control is the configuration that they hold to.
+        collisions: which bodies touch each other, and what stands around; True is all that can meet, None or False nothing.
         loops: what closes the rig besides its joints; None for what it came with. A rope makes the rig one with stops.
         integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5"
             (5, adaptive: each state has its own steps). None takes rk4 for a rig that swings freely, and semi_implicit for one
@@ -76,6 +78,7 @@ class Simulation:
     limits: Stops | bool = True
     actuation: PD | None = None
     loops: Sequence[Loop] | None = None
+    collisions: Collisions | bool | None = None
     integrator: str | None = None
     substeps: int = 1
     tolerance: float = 1e-4
@@ -104,7 +107,14 @@ class Simulation:
             raise ValueError(f"gravity has shape {gravity.shape}; expected (3,)")
         check_threads(self.threads)
         scene, like, numbers = described(
-            self.rig, self.ground, self.contact_points, self.limits, self.actuation, self.tolerance, self.loops
+            self.rig,
+            self.ground,
+            self.contact_points,
+            self.limits,
+            self.actuation,
+            self.tolerance,
+            self.loops,
+            self.collisions,
         )
         method = self.integrator or ("semi_implicit" if scene.is_stiff else "rk4")
         object.__setattr__(self, "integrator", method)
@@ -238,12 +248,15 @@ class Simulation:
         return trajectory_of(rollout, arrays, tau, fps)
 
     def contacts(self, state: State) -> Contacts:
-        """Where a state's points of contact are, and how the ground pushed them in the last step: what sensors feel."""
-        scene = self._world.scene
-        n, geometry = scene.touches, contact_geometry(scene, state.q)
-        forces = self._shown(state, "contact_forces", 3 * n)
-        forces = forces.reshape(*state.work.shape, n, 3)
-        return Contacts(contact_links(scene), geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)
+        """Where a state's points of contact are, and how they were pushed in the last step: what sensors feel."""
+        scene, batch = self._world.scene, state.work.shape
+        geometry, shapes = (
+            contact_geometry(scene, state.q),
+            (("contact_forces", scene.touches), ("pair_forces", len(scene.pairs))),
+        )
+        forces = np.concatenate([self._shown(state, name, 3 * n).reshape(*batch, n, 3) for name, n in shapes], axis=-2)
+        links, others = contact_links(scene), contact_others(scene)
+        return Contacts(links, others, geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)
 
     def loop_forces(self, state: State) -> np.ndarray:
         """How loops pulled in the last step, a row each, ropes' last, shape (..., m) [N, N m]; see `Loop.rows`."""

@@ -19,10 +19,11 @@ from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
 from articulated.trajectory.trajectory import PER_STATE, Trajectory
 
-FORMAT = 3
+FORMAT = 4
 """Version of the .npz layout."""
 
 _ARRAYS = ("time", *PER_STATE)
+_NAMES = ("contact_links", "contact_others", "loop_rows")
 
 
 def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
@@ -30,7 +31,7 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     if Path(path).suffix != ".npz":
         raise ValueError(f"{os.fspath(path)!r} does not end in .npz; use export for other formats")
     about = {"format": FORMAT, "root": trajectory.rig.root, "settings": trajectory.settings}
-    about |= {"contact_links": list(trajectory.contact_links), "loop_rows": list(trajectory.loop_rows)}
+    about |= {name: list(getattr(trajectory, name)) for name in _NAMES}
     arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
     with written(path, "wb") as file:
         np.savez_compressed(file, about=json.dumps(about), rig=trajectory.rig.to_urdf(), **arrays)
@@ -44,7 +45,7 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
             about = json.loads(str(data["about"]))
             later, root, settings = about["format"] > FORMAT, about["root"], about["settings"]
             content = {key: data[key] for key in ("rig", *(name for name in _ARRAYS if name in data))}
-            contact_links, loop_rows = (tuple(map(str, about.get(name, ()))) for name in ("contact_links", "loop_rows"))
+            names = {name: tuple(map(str, about.get(name, ()))) for name in _NAMES}
         if not later:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", RigWarning)  # all was said when the rig was first loaded
@@ -56,12 +57,15 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     if later:
         raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
     try:
-        arrays = _complete(content, rig, len(contact_links), len(loop_rows))
+        names["contact_others"] = names["contact_others"] or ("",) * len(
+            names["contact_links"]
+        )  # before format 4 all was ground
+        arrays = _complete(content, rig, len(names["contact_links"]), len(names["loop_rows"]))
     except KeyError as error:
         raise ValueError(f"{name} is not a trajectory, or is damaged (no {error})") from None
     except ValueError as error:
         raise ValueError(f"{name} is damaged: {error}") from None
-    return Trajectory(rig=rig, settings=settings, contact_links=contact_links, loop_rows=loop_rows, **arrays)
+    return Trajectory(rig=rig, settings=settings, **names, **arrays)  # type: ignore[arg-type]
 
 
 def _complete(content: dict[str, np.ndarray], rig: Rig, contacts: int, rows: int) -> dict[str, np.ndarray]:

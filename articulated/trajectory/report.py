@@ -19,7 +19,7 @@ ENERGY_TOLERANCE = 1e-2
 NORM_TOLERANCE = 1e-9
 
 PENETRATION = 1e-2
-"""How deep a point may be in the ground [m]: an impact of some metres a second on the default material."""
+"""How deep a point may be in what it touches [m]: an impact of some metres a second on the default material."""
 
 RESIDUAL = 1e3
 """The solver may miss its tolerance in a step by this factor: an impact that it did not get to the end of."""
@@ -27,7 +27,7 @@ RESIDUAL = 1e3
 GAP = 1e-5
 """How far a loop may be open [m, rad]."""
 
-_DEEP = "it started inside the ground, or the ground is soft: raise its stiffness, or lift the start"
+_DEEP = "it started inside the ground or another body, or these are soft: raise their stiffness, or move the start"
 _UNSOLVED = "an impact was not solved to the end: take a smaller dt"
 
 

@@ -43,11 +43,12 @@ class Trajectory:
             solved for them, one step before the frame.
         work: done since the first frame by all forces but weight, shape (..., T) [J].
         outcome: how the run of each state ended, of `Outcome`, shape (...).
-        contact_links: name of the link of each point that could touch the ground, (n,); none if there was no ground.
-        contact_points: where these points were, in the world, shape (..., T, n, 3) [m].
-        contact_normals: of the ground there, shape (..., T, n, 3).
-        contact_gaps: their distance from the ground, negative inside, shape (..., T, n) [m].
-        contact_forces: of the ground on them over the step before each frame, in the world, shape (..., T, n, 3) [N].
+        contact_links: name of the link of each point that could touch the ground, then of each pair of shapes, (n,).
+        contact_others: what it could touch, (n,): the name of a link, "scenery", or "" for the ground.
+        contact_points: where that was, in the world; of a pair, where it was deepest or nearest, shape (..., T, n, 3) [m].
+        contact_normals: of what it could touch, there, towards the link, shape (..., T, n, 3).
+        contact_gaps: the distance, negative inside, shape (..., T, n) [m].
+        contact_forces: on the link over the step before each frame, in the world, shape (..., T, n, 3) [N].
         loop_rows: a name for each row of each loop, (m,), ropes' last; none if there are no loops.
         loop_gaps: how far they are from closed, shape (..., T, m) [m, or about rad]; a rope's is how much it is too long.
         loop_forces: of loops over the step before each frame (of explicit methods: as it began), on B's link, and their
@@ -67,6 +68,7 @@ class Trajectory:
     outcome: np.ndarray
     settings: dict[str, str | float | int]
     contact_links: tuple[str, ...]
+    contact_others: tuple[str, ...]
     contact_points: np.ndarray
     contact_normals: np.ndarray
     contact_gaps: np.ndarray

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from contact_rigs import chain
 from loop_rigs import table
+from pair_rigs import loose, put
 from random_trees import random_rig
 
 import articulated as art
@@ -122,6 +123,41 @@ def test_loops_at_every_level(level, single, monkeypatch):
         return result
 
     expected = run()
+    monkeypatch.setenv("ARTICULATED_SIMD", level)
+    assert run() == expected
+
+
+@pytest.mark.parametrize("level", list(_levels()))
+@pytest.mark.parametrize(("single", "fill"), [(False, 0), (True, 22_000)])
+def test_pairs_at_every_level(level, single, fill, monkeypatch):
+    """A chain, a box and a ball, solved directly and by iteration; each state alone and among others."""
+    monkeypatch.setattr("articulated.simulation.scene.MOST_FILL", fill)
+    loose_ones = (art.Sphere(0.06), art.Sphere(0.05)) if single else (art.Box((0.1, 0.1, 0.1)), art.Sphere(0.05))
+    box, ball = (loose(shape, 0.5) for shape in loose_ones)
+    rig = art.compose(chain=chain(2), box=box, ball=ball)
+    q, v = np.tile(rig.neutral(), (21, 1)), 2.0 * np.random.default_rng(0).normal(size=(21, rig.nv))
+    chain_at, box_at, ball_at = range(3)
+    put(rig, q, chain_at, (0.0, 0.0, 0.1))
+    put(rig, q, box_at, np.random.default_rng(1).uniform([0.0, -0.1, 0.2], [0.3, 0.1, 0.3], (21, 3)))
+    put(rig, q, ball_at, np.random.default_rng(2).uniform([0.0, -0.1, 0.4], [0.3, 0.1, 0.5], (21, 3)))
+    dtype = np.float32 if single else np.float64
+    q, v = q.astype(dtype), v.astype(dtype)
+
+    def run(some=slice(None)) -> bytes:
+        collisions = art.Collisions(restitution=0.3 if single else 0.0)
+        simulation = art.Simulation(rig.with_joints(damping=0.01), ground=True, collisions=collisions)
+        state = simulation.reset(q[some], v[some])
+        for _ in range(150):
+            state = simulation.step(state)
+        near = state.memory[..., simulation._world.layout.stance.near - (rig.nq + rig.nv + 1)]
+        assert len(some) if isinstance(some, list) else len(set(near.tolist())) > 5
+        return state.q.tobytes() + state.v.tobytes()
+
+    expected = run()
+    if level == next(iter(_levels())):
+        size = rig.nq * q.itemsize
+        for k in (3, 20):
+            assert run([k])[:size] == expected[k * size : (k + 1) * size]
     monkeypatch.setenv("ARTICULATED_SIMD", level)
     assert run() == expected
 

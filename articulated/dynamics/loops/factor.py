@@ -84,7 +84,7 @@ class Factor:
         held = dict(self.matrix)
         for pair, x in zip(pairs, P, strict=True):
             held[pair] = held.get(pair, 0.0) + x
-        self.order = _order((pair for pair, x in held.items() if not is_zero(x)), n)
+        self.order = elimination_order((pair for pair, x in held.items() if not is_zero(x)), n)
         place = {k: i for i, k in enumerate(self.order)}
         A: list[dict[int, Scalar]] = [{} for _ in range(n)]  # of each in turn, those after it
         for (j, k), x in held.items():
@@ -186,7 +186,8 @@ def _inverse(A: list[list[Scalar]]) -> list[list[Scalar]]:
     return [[-x for x in row] for row in A]
 
 
-def _order(pairs: Iterable[Pair], n: int) -> list[int]:
+def elimination_order(pairs: Iterable[Pair], n: int) -> list[int]:
+    """An order of n unknowns, those with the fewest neighbours first, for a matrix with entries at these pairs."""
     neighbours: dict[int, set[int]] = {k: set() for k in range(n)}
     for j, k in pairs:
         if j != k:

@@ -1,14 +1,13 @@
 """URDF, versions 1.0 to 1.2, read strictly: every error names file, line and element.
 
 Beyond the standard: joint types `ball` (also called `spherical`) and `universal` (`<axis>` and a second `<axis2>`), and an
-`armature` beside damping and friction in `<dynamics>`; closed loops, see `constraints`. Read with lxml: yourdfpy keeps neither
-lines nor these additions.
+`armature` beside damping and friction in `<dynamics>`; closed loops, see `constraints`; pairs of links that
+may not collide, see `srdf`. Read with lxml: yourdfpy keeps neither lines nor these additions.
 """
 
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -23,12 +22,13 @@ from articulated.rig.shapes import PLAIN_SHAPES, Box, Capsule, Cylinder, Geometr
 from articulated.rig.urdf import files
 from articulated.rig.urdf.constraints import BALL, read_constraints
 from articulated.rig.urdf.origin import origin_of
-from articulated.rig.urdf.xml import Node, parse
+from articulated.rig.urdf.srdf import DEFAULT, DISABLE, ENABLE, read_collisions
+from articulated.rig.urdf.xml import Node, check_expanded, count_strangers, parse
 
 Color = tuple[float, float, float, float]
 
 _MEANINGFUL = {
-    "robot": {"link", "joint", "material", "constraint", BALL},
+    "robot": {"link", "joint", "material", "constraint", BALL, DEFAULT, ENABLE, DISABLE},
     "link": {"inertial", "collision", "visual"},
     "joint": {"origin", "parent", "child", "axis", "axis2", "limit", "dynamics", "mimic"},
 }
@@ -70,33 +70,27 @@ class _Reader:
         self.builder.place = replace(robot.place, element="<robot>")
 
     def read(self) -> RigBuilder:
-        self._check_expanded()
+        check_expanded(self.robot)
         self._check_version()
-        self._note_strangers([self.robot])
+        self._note_strangers("robot", [self.robot])
         for material in self.robot.children("material"):
             color = material.child("color")
             if color and material.text("name"):
                 self.colors[material.need_text("name")] = self._rgba(color)
         links, joints = self._named("link"), self._named("joint")
-        self._note_strangers(links)
-        self._note_strangers(joints)
+        self._note_strangers("link", links)
+        self._note_strangers("joint", joints)
         for link in links:
             self._link(link)
         for joint in joints:
             self._joint(joint)
         read_constraints(self.robot, self.builder)
+        read_collisions(self.robot, self.builder)
         if self.missing:
             names = ", ".join(self.missing)
             place = next(iter(self.missing.values()))
             place.warn(f"mesh files not found: {names}", "name their directories in mesh_dirs; dynamics do not need them")
         return self.builder
-
-    def _check_expanded(self) -> None:
-        for element in self.robot.element.iter(etree.Element):
-            name = etree.QName(element)
-            if "xacro" in (name.namespace or ""):
-                tag = f"<xacro:{name.localname}>"
-                raise self.robot.inner(element, tag).place.error("is a macro, not URDF", "expand the file with xacro first")
 
     def _check_version(self) -> None:
         version = self.robot.text("version") or "1.0"
@@ -111,22 +105,9 @@ class _Reader:
             nodes.append(self.robot.inner(element, f"{tag} {name!r}"))
         return nodes
 
-    def _note_strangers(self, nodes: Iterable[Node]) -> None:
-        """Count the elements of other tools; warn, once a tag, of those that nobody is known to write."""
-        strange: dict[str, Place] = {}
-        counted: Counter[str] = Counter()
-        for node in nodes:
-            meaningful, others = _MEANINGFUL[node.tag], _OF_OTHERS[node.tag]
-            for element in node.element.iterchildren(etree.Element):
-                if element.tag in meaningful:
-                    continue
-                counted[str(element.tag)] += 1
-                if element.tag not in others:
-                    strange.setdefault(str(element.tag), node.inner(element).place)
-        for tag, count in counted.items():
+    def _note_strangers(self, what: str, nodes: Iterable[Node]) -> None:
+        for tag, count in count_strangers(nodes, _MEANINGFUL[what], _OF_OTHERS[what]).items():
             self.builder.ignored[tag] = self.builder.ignored.get(tag, 0) + count
-        for tag, place in strange.items():
-            place.warn(f"unknown element, ignored ({counted[tag]} in all)", "is its name spelt right?")
 
     def _link(self, node: Node) -> None:
         mass, center, inertia = 0.0, np.zeros(3), np.zeros((3, 3))

@@ -36,6 +36,8 @@ def urdf_text(rig: Rig) -> str:
     if lost := [loop.name for loop in rig.loops if not _add_constraint(robot, loop)]:
         names = ", ".join(map(repr, lost))
         Place(rig.name).warn(f"URDF has no constraint for loops {names}", "add them again with RigBuilder.loop or loops=[…]")
+    for link1, link2 in rig.disabled_collisions:
+        etree.SubElement(robot, "disable_collisions", link1=link1, link2=link2)
     return etree.tostring(robot, pretty_print=True, encoding="unicode")
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import stat
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Iterable, Sequence, Set
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,13 @@ LARGEST_FILE = 64 * 2**20
 """Larger files are refused unread [bytes]; the largest robot known to us has a quarter of a megabyte."""
 
 
-def parse(text: bytes, source: str) -> etree._Element:
-    """The root element of an XML document.
+def parse(text: bytes, source: str, kind: str = "URDF") -> etree._Element:
+    """The root element of an XML document of this kind.
 
     Raises:
         RigError: it is too large, not well formed, or declares entities.
     """
-    check_size(len(text), source)
+    check_size(len(text), source, kind)
     # Entities stay unexpanded and are refused below: a few lines of them can grow to gigabytes.
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False, remove_comments=True)
     try:
@@ -39,17 +40,17 @@ def parse(text: bytes, source: str) -> etree._Element:
     return root
 
 
-def check_size(size: int, source: str) -> None:
+def check_size(size: int, source: str, kind: str = "URDF") -> None:
     """Refuse a document that is empty or too large."""
     if size == 0:
-        raise RigError(source, None, "", "is empty", "give a URDF document")
+        raise RigError(source, None, "", "is empty", f"give {_a(kind)} document")
     if size > LARGEST_FILE:
         reason = f"has {size / 2**20:.0f} MiB; at most {LARGEST_FILE // 2**20} are read"
-        raise RigError(source, None, "", reason, "is this a URDF? Keep meshes in files of their own")
+        raise RigError(source, None, "", reason, f"is this {_a(kind)}? Keep meshes in files of their own")
 
 
-def read_file(path: Path) -> bytes:
-    """The bytes of a file that holds a rig.
+def read_file(path: Path, kind: str = "URDF") -> bytes:
+    """The bytes of a file of this kind.
 
     Raises:
         RigError: there is no such file, or it cannot be read.
@@ -58,13 +59,14 @@ def read_file(path: Path) -> bytes:
     try:
         status = path.stat()
         if stat.S_ISDIR(status.st_mode):
-            raise RigError(source, None, "", "is a directory", "name the URDF file in it")
+            raise RigError(source, None, "", "is a directory", f"name the {kind} file in it")
         if not stat.S_ISREG(status.st_mode):
-            raise RigError(source, None, "", "is not a regular file", "name a URDF file")
-        check_size(status.st_size, source)
+            raise RigError(source, None, "", "is not a regular file", f"name {_a(kind)} file")
+        check_size(status.st_size, source, kind)
         return path.read_bytes()
     except FileNotFoundError:
-        raise RigError(source, None, "", "no such file", "check the path; `articulated rigs` lists shipped rigs") from None
+        hint = "; `articulated rigs` lists shipped rigs" if kind == "URDF" else ""
+        raise RigError(source, None, "", "no such file", f"check the path{hint}") from None
     except OSError as error:
         raise RigError(source, None, "", f"cannot be read: {error.strerror or error}", "check the path") from None
 
@@ -133,6 +135,40 @@ class Node:
         if not all(math.isfinite(value) for value in values):
             raise self.place.error(f"{attribute} is {text!r}", "give finite numbers")
         return values
+
+
+def check_expanded(root: Node, kind: str = "URDF") -> None:
+    """Refuse a document that still holds macros.
+
+    Raises:
+        RigError: it does.
+    """
+    for element in root.element.iter(etree.Element):
+        name = etree.QName(element)
+        if "xacro" in (name.namespace or ""):
+            tag = f"<xacro:{name.localname}>"
+            raise root.inner(element, tag).place.error(f"is a macro, not {kind}", "expand the file with xacro first")
+
+
+def count_strangers(nodes: Iterable[Node], meaningful: Set[str], others: Set[str]) -> Counter[str]:
+    """How often what stands in these nodes is not meaningful, by tag; warns, once a tag, of what is not of others either."""
+    strange: dict[str, Place] = {}
+    counted: Counter[str] = Counter()
+    for node in nodes:
+        for element in node.element.iterchildren(etree.Element):
+            tag = str(element.tag)
+            if tag in meaningful:
+                continue
+            counted[tag] += 1
+            if tag not in others:
+                strange.setdefault(tag, node.inner(element).place)
+    for tag, place in strange.items():
+        place.warn(f"unknown element, ignored ({counted[tag]} in all)", "is its name spelt right?")
+    return counted
+
+
+def _a(kind: str) -> str:
+    return f"{'an' if kind == 'SRDF' else 'a'} {kind}"
 
 
 def _count(count: int) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 
@@ -11,24 +12,29 @@ from articulated.dynamics.boundary import Argument
 from articulated.dynamics.calls import call
 from articulated.dynamics.mechanism import Mechanism
 from articulated.dynamics.tree import tree
-from articulated.scalar import Nested
+from articulated.scalar import Nested, where
+from articulated.simulation.contact.choosing import name_of
 from articulated.simulation.contact.gaps import gaps
+from articulated.simulation.contact.meeting import touches
 from articulated.simulation.scene import Scene
+from articulated.spatial import Vec3
 
 
 @dataclass(frozen=True, eq=False)
 class Contacts:
-    """Contacts of a batch at one moment; n points, each with each surface of the ground.
+    """Contacts of a batch at one moment: of points, each with each surface of the ground, then of pairs of shapes; n in all.
 
     Attributes:
-        links: name of the link of each point, (n,).
-        points: where they are, in the world, shape (..., n, 3) [m].
-        normals: of the ground there, shape (..., n, 3).
-        gaps: their distance from the ground, negative inside, shape (..., n) [m].
-        forces: of the ground on them over the last step, in the world, shape (..., n, 3) [N].
+        links: name of the link of each, (n,).
+        others: what it may touch, (n,): the name of a link, "scenery", or "" for the ground.
+        points: where they are, in the world; of a pair, where it is deepest or nearest, shape (..., n, 3) [m].
+        normals: towards the link, of what it may touch, there, shape (..., n, 3).
+        gaps: the distance, negative inside, shape (..., n) [m].
+        forces: on the link over the last step, in the world, of a pair at all its points, shape (..., n, 3) [N].
     """
 
     links: tuple[str, ...]
+    others: tuple[str, ...]
     points: np.ndarray
     normals: np.ndarray
     gaps: np.ndarray
@@ -36,32 +42,41 @@ class Contacts:
 
     @property
     def touching(self) -> np.ndarray:
-        """Which of them the ground pushed in the last step, shape (..., n)."""
+        """Which of them were pushed in the last step, shape (..., n)."""
         return np.einsum("...i,...i", self.forces, self.normals) > 0.0
 
     def on(self, link: str) -> np.ndarray:
-        """The force of the ground on a link, in the world, shape (..., 3) [N]."""
-        if link not in self.links:
-            raise ValueError(f"link {link!r} has no point of contact; there are some on {', '.join(dict.fromkeys(self.links))}")
-        return self.forces[..., [name == link for name in self.links], :].sum(axis=-2)
+        """The force of all that touches a link, in the world, shape (..., 3) [N]."""
+        known = dict.fromkeys(name for name in (*self.links, *self.others) if name)
+        if link not in known:
+            raise ValueError(f"link {link!r} has no point of contact; there are some on {', '.join(known)}")
+        on, by = (np.array([name == link for name in names], dtype=float) for names in (self.links, self.others))
+        return np.einsum("...ni,n->...i", self.forces, on - by)
 
 
 def contact_links(scene: Scene) -> tuple[str, ...]:
     """The name of the link of each contact."""
     names = list(scene.rig.links)
-    return tuple(names[scene.candidates[scene.candidate_of(n)].link] for n in range(scene.touches))
+    ground = (names[scene.candidates[scene.candidate_of(n)].link] for n in range(scene.touches))
+    return (*ground, *(name_of(scene.rig, scene.pieces[pair.a]) for pair in scene.pairs))
+
+
+def contact_others(scene: Scene) -> tuple[str, ...]:
+    """The name of what each may touch."""
+    return (*[""] * scene.touches, *(name_of(scene.rig, scene.pieces[pair.b]) for pair in scene.pairs))
 
 
 def contact_geometry(scene: Scene, q: np.ndarray) -> np.ndarray:
     """Points, normals and gaps of all contacts, shape (..., n, 7)."""
-    if not scene.touches:
+    n = scene.touches + len(scene.pairs)
+    if not n:
         return np.zeros((*q.shape[:-1], 0, 7))
     if scene.tables:  # which compiled functions of a rig are not given
-        result = np.empty((*q.shape[:-1], scene.touches, 7))
+        result = np.empty((*q.shape[:-1], n, 7))
         evaluate(lambda x: _geometry(scene.mechanism, x, _Key(scene)), [(q, 1)], result, q.shape[:-1])
         return result
     given = [Argument("q", q, (scene.rig.nq,))]
-    return call(scene.rig, _geometry, given, (scene.touches, 7), None, None, watched=False, key=_Key(scene))
+    return call(scene.rig, _geometry, given, (n, 7), None, None, watched=False, key=_Key(scene))
 
 
 class _Key:
@@ -81,5 +96,12 @@ class _Key:
 
 
 def _geometry(m: Mechanism, q: Nested, key: _Key) -> Nested:
-    now = tree(key.scene.mechanism, q)
-    return [[*(now.origin + gap.point), *gap.normal, gap.size] for gap in gaps(key.scene, now, key.scene.tables)]
+    scene, now = key.scene, tree(key.scene.mechanism, q)
+    ground = [[*(now.origin + gap.point), *gap.normal, gap.size] for gap in gaps(scene, now, scene.tables)]
+    some, deepest = iter(touches(now, scene.pieces, scene.pairs)), []
+    for pair in scene.pairs:
+        first, *others = ((touch.size, *touch.normal, *touch.point) for touch in islice(some, scene.points_of(pair)))
+        for other in others:
+            first = [where(other[0] < first[0], x, y) for x, y in zip(other, first, strict=True)]
+        deepest.append([*(now.origin + Vec3.of(first[4:])), *first[1:4], first[0]])
+    return [*ground, *deepest]

@@ -1,6 +1,7 @@
 """How far to go along a step of Newton's method: to the bottom of what is minimised between its start and its end.
 
-The slope there is known from the terms alone: φ'(α) = Σ (g(u + α δu) − y − α δy) · δu.
+The slope there is known from the terms alone: φ'(α) = Σ (g(u + α δu) − y − α δy) · δu, less δv · (r + α δr) if the linear
+system was left unsolved by some r.
 """
 
 from __future__ import annotations
@@ -11,8 +12,8 @@ from functools import partial
 
 from articulated.scalar import Scalar, absolute, given, maximum, minimum, repeat, where
 from articulated.simulation.implicit.laws import dot
-from articulated.simulation.implicit.terms import Bend
-from articulated.simulation.implicit.values import Terms, Values, between
+from articulated.simulation.implicit.terms import Contact
+from articulated.simulation.implicit.values import Terms, Three, Values, between
 from articulated.spatial import Vec3
 
 _SEARCHES = 6
@@ -32,7 +33,7 @@ class Way:
         u, y: velocities and impulses of the terms where it starts.
         g: impulses that they answer there.
         u_end, y_end: where it ends.
-        du, dy: from start to end.
+        unsolved: δv · r where it starts and where it ends, with r what is left of the linear system.
     """
 
     terms: Terms
@@ -42,26 +43,29 @@ class Way:
     g: Values
     u_end: Values
     y_end: Values
-    du: Values
-    dy: Values
+    unsolved: tuple[Scalar, Scalar]
 
     def place(self, alpha: Scalar) -> tuple[Values, Values, list[Scalar]]:
         """u and y this part of the way, and the limits; 0 of terms that are not near."""
 
-        def contact(k: int) -> list[Scalar]:
-            u = between(alpha, self.u.contacts[k], self.u_end.contacts[k])
-            return [*u, *between(alpha, self.y.contacts[k], self.y_end.contacts[k]), self.limits[k]]
+        def contact(_: Contact, u: Three, u_end: Three, y: Three, y_end: Three, limit: Scalar) -> list[Scalar]:
+            return [*between(alpha, u, u_end), *between(alpha, y, y_end), limit]
 
         def joint(k: int) -> list[Scalar]:
             return between(alpha, [self.u.joints[k], self.y.joints[k]], [self.u_end.joints[k], self.y_end.joints[k]])
 
-        contacts, joints = self.terms.near(contact, 7), self.terms.near_joints(joint, 2)
+        ends = self.u.contacts, self.u_end.contacts, self.y.contacts, self.y_end.contacts
+        contacts, joints = self.terms.near(contact, 7, *ends, self.limits), self.terms.near_joints(joint, 2)
         u = Values([x[:3] for x in contacts], [x for x, _ in joints])
         return u, Values([x[3:6] for x in contacts], [x for _, x in joints]), [x[6] for x in contacts]
 
     def searched(self, settled: Scalar) -> tuple[Scalar, Scalar]:
         """How far to go, and Σ ‖g − y‖² there: all the way where that is settled or downhill enough, else to the bottom."""
-        at_start, at_end, square = self.terms.total(self._contact_at_ends, self._joint_at_ends, 3)
+        some = self.u.contacts, self.u_end.contacts, self.y_end.contacts, self.limits, self.g.contacts, self.y.contacts
+        contacts, joints = self.terms.each(_at_ends, 3, *some), [self._joint_at_ends(n) for n in range(len(self.u.joints))]
+        at_start, at_end, square = self.terms.total(contacts, joints, 3)
+        left, change = self.unsolved[0], self.unsolved[1] - self.unsolved[0]
+        at_start, at_end = at_start - left, at_end - self.unsolved[1]
         steep = absolute(at_start)
         done = where(settled > 0.5, 1.0, where(at_end <= _DOWNHILL * steep, 1.0, 0.0))
         secant = at_start / minimum(at_start - at_end, -1e-30)
@@ -69,64 +73,77 @@ class Way:
 
         def turn(line: _Place) -> _Place:
             alpha = line.following
-            u, y = self.u.moved(alpha, self.u_end), self.y.moved(alpha, self.y_end)
-            bends = self._bends(u)
-            first, square, second = self.terms.total(partial(self._contact, u, y, bends), partial(self._joint, u, y, bends), 3)
+            contacts, joints = self._at(alpha)
+            first, square, second = self.terms.total([x[:3] for x in contacts], [x[:3] for x in joints], 3)
+            first, second = first - (left + alpha * change), second - change
             low, high = where(first < 0.0, alpha, line.low), where(first < 0.0, line.high, alpha)
             newton, middle = alpha - first / maximum(second, 1e-30), 0.5 * (low + high)
             following = where((low < newton) & (newton < high), newton, middle)
-            following = self._before_turning(alpha, following, bends)
+            following = self._before_turning(alpha, following, [x[3:] for x in (*contacts, *joints)])
             return _Place(alpha, square, following, low, high, where(absolute(first) <= _FLAT * steep, 1.0, 0.0))
 
         def search(line: _Place) -> _Place:
-            turning = self._before_turning(1.0, 0.0, self._bends(self.u.moved(line.alpha, self.u_end)))
+            contacts, joints = self._at(line.alpha)
+            turning = self._before_turning(1.0, 0.0, [x[3:] for x in (*contacts, *joints)])
             first = replace(line, following=where(turning > 0.0, turning, line.following))
             return repeat(_SEARCHES, turn, first, _is_done)
 
         line = repeat(1, search, start, _is_done)  # not at all, if no state needs it
         return line.alpha, line.square
 
-    def _contact_at_ends(self, n: int) -> list[Scalar]:
-        du, contact = self.du.contacts[n], self.terms.contacts[n]
-        off, square = contact.answer(Vec3.of(self.u_end.contacts[n]), Vec3.of(self.y_end.contacts[n]), self.limits[n])
-        start = [g - f for g, f in zip(self.g.contacts[n], self.y.contacts[n], strict=True)]
-        return [dot(du, start), dot(du, list(off)), square]
-
     def _joint_at_ends(self, n: int) -> list[Scalar]:
         off, square = self.terms.joints[n].answer(self.u_end.joints[n], self.y_end.joints[n])
-        du = self.du.joints[n]
+        du = self.u_end.joints[n] - self.u.joints[n]
         return [du * (self.g.joints[n] - self.y.joints[n]), du * off, square]
 
-    def _contact(self, u: Values, y: Values, bends: Sequence[Bend], n: int) -> list[Scalar]:
-        off, square = self.terms.contacts[n].answer(Vec3.of(u.contacts[n]), Vec3.of(y.contacts[n]), self.limits[n])
-        du = self.du.contacts[n]
-        return [dot(du, list(off)), square, bends[n].second - dot(du, self.dy.contacts[n])]
+    def _at(self, alpha: Scalar) -> tuple[list[list[Scalar]], list[list[Scalar]]]:
+        """What terms tell this part of the way: φ', Σ ‖g − y‖², φ'', the point of least slip, and friction's pull, squared."""
 
-    def _joint(self, u: Values, y: Values, bends: Sequence[Bend], n: int) -> list[Scalar]:
-        off, square = self.terms.joints[n].answer(u.joints[n], y.joints[n])
-        du = self.du.joints[n]
-        return [du * off, square, bends[len(self.terms.contacts) + n].second - du * self.dy.joints[n]]
+        def contact(c: Contact, u: Sequence[Three], y: Sequence[Three], limit: Scalar) -> list[Scalar]:
+            (start, end), (y_start, y_end) = u, y
+            du, dy = ([b - a for a, b in zip(*ends, strict=True)] for ends in (u, y))
+            here = Vec3.of(between(alpha, start, end))
+            off, square = c.answer(here, Vec3.of(between(alpha, y_start, y_end)), limit)
+            bend = c.bend(here, Vec3.of(du), limit)
+            return [dot(du, list(off)), square, bend.second - dot(du, dy), bend.past, bend.pull]
 
-    def _bends(self, u: Values) -> list[Bend]:
-        contacts = zip(self.terms.contacts, u.contacts, self.du.contacts, self.limits, strict=True)
-        joints = zip(self.terms.joints, u.joints, self.du.joints, strict=True)
-        bends = [contact.bend(Vec3.of(x), Vec3.of(dx), limit) for contact, x, dx, limit in contacts]
-        return [*bends, *(joint.bend(x, dx) for joint, x, dx in joints)]
+        def joint(k: int) -> list[Scalar]:
+            u, y = between(alpha, [self.u.joints[k], self.y.joints[k]], [self.u_end.joints[k], self.y_end.joints[k]])
+            term, du, dy = (
+                self.terms.joints[k],
+                self.u_end.joints[k] - self.u.joints[k],
+                self.y_end.joints[k] - self.y.joints[k],
+            )
+            off, square = term.answer(u, y)
+            bend = term.bend(u, du)
+            return [du * off, square, bend.second - du * dy, bend.past, bend.pull]
 
-    def _before_turning(self, alpha: Scalar, following: Scalar, bends: Sequence[Bend]) -> Scalar:
+        u = list(zip(self.u.contacts, self.u_end.contacts, strict=True))
+        y = list(zip(self.y.contacts, self.y_end.contacts, strict=True))
+        contacts = self.terms.each(contact, 5, u, y, self.limits)
+        return contacts, [joint(k) for k in range(len(self.terms.joints))]
+
+    def _before_turning(self, alpha: Scalar, following: Scalar, bends: Sequence[Sequence[Scalar]]) -> Scalar:
         """Where to look next: there, or at the strongest term's point of least slip, if that lies on the way."""
-        low, high = minimum(alpha, following), maximum(alpha, following)
+        low, high, first = minimum(alpha, following), maximum(alpha, following), self.terms.grounded
 
-        def nearer(bend: Bend, found: Sequence[Scalar]) -> list[Scalar]:
-            following, strongest = found
-            turning = alpha - bend.past
-            is_nearer = (bend.pull > strongest) & (low < turning) & (turning < high)
-            return [where(is_nearer, turning, following), where(is_nearer, bend.pull, strongest)]
+        def nearer(bend: Sequence[Scalar], found: Sequence[Scalar]) -> list[Scalar]:
+            (past, pull), (following, strongest) = bend, found
+            turning = alpha - past
+            is_nearer = (pull > strongest) & (low < turning) & (turning < high)
+            return [where(is_nearer, turning, following), where(is_nearer, pull, strongest)]
 
-        found = [following, 0.0]
-        for term, bend in zip([*self.terms.contacts, *self.terms.joints], bends, strict=True):
+        found, end = [following, 0.0], len(self.terms.contacts)
+        terms = [*self.terms.contacts[:first], *self.terms.joints]
+        for term, bend in zip(terms, [*bends[:first], *bends[end:]], strict=True):
             found = given(term.near, partial(nearer, bend, found), found)
-        return found[0]
+        return self.terms.folded(lambda found, bend: nearer(bend, found), found, bends[first:end])[0]
+
+
+def _at_ends(c: Contact, u: Three, u_end: Three, y_end: Three, limit: Scalar, g: Three, y: Three) -> list[Scalar]:
+    off, square = c.answer(Vec3.of(u_end), Vec3.of(y_end), limit)
+    du = [b - a for a, b in zip(u, u_end, strict=True)]
+    return [dot(du, [a - b for a, b in zip(g, y, strict=True)]), dot(du, list(off)), square]
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from articulated.dynamics.tree import Tree, about_center, force_at, in_world, tr
 from articulated.scalar import Scalar
 from articulated.simulation.forces import Forces
 from articulated.simulation.implicit.stance import Standing
-from articulated.spatial import Force, Motion, Vec3
+from articulated.spatial import Force, Mat3, Motion, Vec3
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +42,14 @@ class Past:
         # a free root's velocity is the same in world axes a step ago
         V = before.velocities(in_world(now, v))
         return Past(before, V, before.velocities(in_world(now, w)) if start.stance.shift else V, h)
+
+    def straying(self, now: Tree, body: int) -> tuple[Mat3, Vec3]:
+        """As `strayed`, of all points of a body, given where they are now, about O: D and c of D x + c."""
+        X, X_old, omega = now.X[body], self.tree.X[body], self.W[body].angular * self.h
+        turn = Mat3.identity() + Mat3.skew(omega)
+        N = turn @ (Mat3.identity() @ X_old.R).times_transpose(Mat3.identity() @ X.R)
+        moved = now.origin - self.tree.origin - self.W[body].linear * self.h
+        return Mat3.identity() - N, moved - turn @ X_old.p + N @ X.p
 
     def strayed(self, now: Tree, body: int, point: Vec3) -> Vec3:
         """How far a point of a body, in its axes, has come besides what its velocity was: the sag of its arc."""

@@ -16,13 +16,16 @@ Neither the line search nor the test for the end, g(u) = y, needs a sweep. That 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 
 from articulated.dynamics.sweep import Sweep
 from articulated.dynamics.tree import Tree
-from articulated.scalar import Scalar, given, repeat, where
+from articulated.scalar import Scalar, repeat, where
+from articulated.simulation.implicit import conjugate
+from articulated.simulation.implicit.iterate import Iterate
+from articulated.simulation.implicit.laws import dot
 from articulated.simulation.implicit.line import Way
+from articulated.simulation.implicit.linear import Linear
 from articulated.simulation.implicit.terms import Contact
 from articulated.simulation.implicit.values import Terms, Three, Values, between
 from articulated.spatial import Vec3
@@ -38,42 +41,20 @@ _FAR = 1e30
 """An error before there is any."""
 
 
-@dataclass(frozen=True, eq=False)
-class Iterate:
-    """What the solver carries from sweep to sweep.
-
-    Attributes:
-        k: how many sweeps so far.
-        v: velocities of the coordinates that move with the load.
-        pulls: impulses of loops with which A v − p = −Jᵀ y, too.
-        u, y: velocities and impulses of the terms.
-        limits: of the contacts' friction cones.
-        error: Σ ‖g(u) − y‖², weighted, over the rig's mass [m²/s²].
-    """
-
-    k: Scalar
-    v: list[Scalar]
-    pulls: list[Scalar]
-    u: Values
-    y: Values
-    limits: list[Scalar]
-    error: Scalar
-
-
-def begin(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar]) -> Iterate:
+def begin(sweep: Sweep, terms: Terms, now: Tree, v: Sequence[Scalar], bend: Sequence[Scalar] = ()) -> Iterate:
     """Where the solver starts: at the velocities of the step before.
 
-    How hard contacts would push then is how hard they may rub in the first sweep.
+    How hard contacts would push then is how hard they may rub in the first sweep. `bend` are velocities of the rows of loops.
     """
     u = terms.velocities(now.velocities(v), v)
 
-    def limit(k: int) -> list[Scalar]:
-        contact = terms.contacts[k]
-        return [contact.friction * contact.hinge.push(contact.n.dot(Vec3.of(u.contacts[k])))]
+    def limit(contact: Contact, u: Sequence[Scalar]) -> list[Scalar]:
+        return [contact.friction * contact.hinge.push(contact.n.dot(Vec3.of(u)))]
 
-    limits = [x for (x,) in terms.near(limit, 1)]
+    limits = [x for (x,) in terms.near(limit, 1, u.contacts)]
     none = Values([[0.0] * 3 for _ in terms.contacts], [0.0] * len(terms.joints))
-    return Iterate(0.0, [v[s] for s in sweep.moving], [0.0] * len(sweep.lines), u, none, limits, _FAR)
+    start = Iterate(0.0, [v[s] for s in sweep.moving], [0.0] * len(sweep.lines), u, none, limits, _FAR, [], 0.0)
+    return start if sweep.holds_pairs(terms.couplings) else conjugate.begin(sweep, terms, start, bend)
 
 
 def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: Scalar, bend: Sequence[Scalar] = ()) -> Iterate:
@@ -85,18 +66,22 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
         start: where to start.
         mass: of the rig.
         tolerance: of the residual, √error [m/s].
-        bend: velocities of the rows of loops.
+        bend: as of `begin`.
     """
     if not (terms.contacts or terms.joints):
         v, _, pulls = sweep.solve(sweep.unloaded(), bend, _REFINED)
         return replace(start, v=[v[s] for s in sweep.moving], pulls=pulls, error=0.0)
 
     def turn(at: Iterate) -> Iterate:
-        v, pulls, way = _whole_step(sweep, terms, at, bend)
+        theta = where(at.k < BOUNDED, 0.0, 1.0)
+        linear = Linear.of(terms, at.u, at.limits, theta)
+        end = _solution(sweep, linear, at, bend)
+        way = _way(linear, at, end)
         alpha, square = way.searched(where(at.k < BOUNDED, 1.0, where(found(at), 1.0, 0.0)))
         u, y, limits = way.place(alpha)
-        v, pulls = between(alpha, at.v, v), between(alpha, at.pulls, pulls)
-        return Iterate(at.k + 1.0, v, pulls, u, y, limits, square * (1.0 / mass))
+        v, pulls, left = (between(alpha, a, b) for a, b in ((at.v, end.v), (at.pulls, end.pulls), (at.left, end.left)))
+        (slack,) = between(alpha, [at.slack], [end.slack])
+        return Iterate(at.k + 1.0, v, pulls, u, y, limits, (square + slack * slack) * (1.0 / mass), left, slack)
 
     def found(at: Iterate) -> Scalar:
         # what is not a number will not be one after more sweeps either
@@ -105,42 +90,33 @@ def solved(sweep: Sweep, terms: Terms, start: Iterate, mass: float, tolerance: S
     return repeat(MAX_SWEEPS, turn, replace(start, k=0.0, error=_FAR), found)
 
 
-def _whole_step(sweep: Sweep, terms: Terms, at: Iterate, bend: Sequence[Scalar]) -> tuple[list[Scalar], list[Scalar], Way]:
-    """The velocities and pulls that solve the linear system, and the way there."""
-    theta = where(at.k < BOUNDED, 0.0, 1.0)
-    load, g, y = sweep.unloaded(), Values([], []), Values([], [])
-    reactions, slopes = [], []
-    for contact, x, limit in zip(terms.contacts, at.u.contacts, at.limits, strict=True):
-        u = Vec3.of(x)
-        reactions.append(reaction := contact.reaction(u, limit, theta))
-        load.on_body(contact.body, contact.near, *contact.act(reaction, u))
-        g.contacts.append(list(reaction.g))
-    for joint, u in zip(terms.joints, at.u.joints, strict=True):
-        answer, G = joint.reaction(u, theta)
-        if joint.rope is not None:
-            load.on_line(joint.rope[0], *_linear(answer, G, u))
-        else:
-            load.on_joint(joint.direction, *given(joint.near, partial(_linear, answer, G, u), [0.0, 0.0]))
-        g.joints.append(answer)
-        slopes.append(G)
-    v, V, pulls = sweep.solve(load, bend, _REFINED)
+def _solution(sweep: Sweep, linear: Linear, at: Iterate, bend: Sequence[Scalar]) -> Iterate:
+    """What solves the linear system, with velocities and impulses of the terms."""
+    terms = linear.terms
+    if sweep.holds_pairs(terms.couplings):
+        v, V, pulls = sweep.solve(linear.add(sweep.unloaded(), pairs=True), bend, _REFINED)
+        left, slack = [], 0.0
+    else:
+        v, V, pulls, left, slack = conjugate.solve(sweep, linear, at)
     u = terms.velocities(V, v)
-    du = u.minus(at.u)
-    for reaction, dx in zip(reactions, du.contacts, strict=True):
-        y.contacts.append(list(reaction.g + reaction.times(Vec3.of(dx))))
-    for answer, G, dx in zip(g.joints, slopes, du.joints, strict=True):
-        y.joints.append(answer + G * dx)
-    limits = [_limit(*some, at.k) for some in zip(terms.contacts, u.contacts, y.contacts, at.limits, strict=True)]
-    return [v[s] for s in sweep.moving], pulls, Way(terms, limits, at.u, at.y, g, u, y, du, y.minus(at.y))
+    y = linear.answer(u)
+
+    def limit(contact: Contact, u: Three, y: Three, limit: Scalar) -> list[Scalar]:
+        return [_limit(contact, u, y, limit, at.k)]
+
+    limits = [x for (x,) in terms.each(limit, 1, u.contacts, y.contacts, at.limits)]
+    return Iterate(at.k, [v[s] for s in sweep.moving], pulls, u, y, limits, at.error, left, slack)
 
 
-def _linear(answer: Scalar, G: Scalar, u: Scalar) -> list[Scalar]:
-    """The mass and the momentum that act along a joint."""
-    return [G, G * u - answer]
+def _way(linear: Linear, at: Iterate, end: Iterate) -> Way:
+    """From an iterate to the solution of its linear system."""
+    dv = [b - a for a, b in zip(at.v, end.v, strict=True)]
+    unsolved = (dot(dv, at.left), dot(dv, end.left)) if end.left else (0.0, 0.0)
+    return Way(linear.terms, end.limits, at.u, at.y, linear.g, end.u, end.y, unsolved)
 
 
 def _limit(contact: Contact, u: Three, y: Three, limit: Scalar, k: Scalar) -> Scalar:
     """Friction times how hard a contact pushes, as long as sweeps bound its slope; then as it was."""
-    push = -contact.n.dot(Vec3.of(y))
+    push = -contact.n.dot(Vec3.of(y) + contact.already)
     push = where(push > 0.0, push, contact.stopping(contact.n.dot(Vec3.of(u))))
     return where(k < BOUNDED, contact.friction * push, limit)

@@ -34,10 +34,10 @@ FASTEST_SAG = 1.0
 def contacts(
     scene: Scene, now: Tree, past: Past, V: Sequence[Motion], gaps: Sequence[Gap], stance: Stance, numbers: Numbers, h: Scalar
 ) -> list[Contact]:
-    """Of all gaps, open ones too: a step may close them. V are the velocities that bodies have."""
+    """With the ground, of all gaps, open ones too: a step may close them. V are the velocities that bodies have."""
     result = []
     for n, (gap, anchor) in enumerate(zip(gaps, stance.anchors, strict=True)):
-        material, w = numbers.materials[scene.material[scene.candidate_of(n)]], scene.felt(n)
+        material, w = numbers.materials[scene.material_of(n)], scene.felt(n)
         contact = Contact(
             body=scene.body_of(n),
             r=gap.point,
@@ -49,7 +49,11 @@ def contacts(
             w=w,
             near=True,
         )
-        result.append(replace(contact, near=gap.size + h * (gap.normal.dot(contact.velocity(V)) - REACH) < 0.0))
+        result.append(
+            replace(
+                contact, near=gap.size + h * (gap.normal.dot(contact.velocity(V[contact.body], Motion.zero())) - REACH) < 0.0
+            )
+        )
     return result
 
 
@@ -135,6 +139,6 @@ def linear_part(start: Standing, v: Sequence[Scalar], forces: Forces, h: Scalar)
 
 def restitutions(scene: Scene, terms: Terms, numbers: Numbers) -> list[Scalar]:
     """Of all contacts, then of all stops."""
-    materials = [numbers.materials[scene.material[scene.candidate_of(n)]] for n in range(scene.touches)]
+    materials = [numbers.materials[scene.material_of(n)] for n in range(scene.contacts)]
     stops = [numbers.stop_restitution for joint in terms.joints for _ in joint.stops]
     return [*(material.restitution for material in materials), *stops]

@@ -15,11 +15,13 @@ class Stance:
 
     Attributes:
         anchors: of each contact, how far it has been dragged along the ground while it held [m], along two tangents.
+        grips: likewise of each contact between two pieces, in the axes of the second one's body.
         slack: likewise of each coordinate with dry friction [rad or m].
         before: length of the step before [s], 0 at the start of a motion: v belongs to where it was then.
         shift: how much faster positions moved in the last step than velocities say, where things may rebound [rad/s or m/s].
         carry: likewise, how much faster momenta are that go on, where loops bend the way of what they hold.
-        contact_forces: of each contact in the last step, in the world [N].
+        contact_forces: of each contact with the ground in the last step, in the world [N].
+        pair_forces: of each pair, the force on its first body in the last step [N].
         efforts: what drives gave in the last step [N m or N].
         pulls: forces of loops in the last step, a row each [N or N m].
         residual: the largest of the solver so far [m/s].
@@ -30,11 +32,13 @@ class Stance:
     """
 
     anchors: list[list[Scalar]]
+    grips: list[list[Scalar]]
     slack: list[Scalar]
     before: Scalar
     shift: list[Scalar]
     carry: list[Scalar]
     contact_forces: list[list[Scalar]]
+    pair_forces: list[list[Scalar]]
     efforts: list[Scalar]
     pulls: list[Scalar]
     residual: Scalar
@@ -69,9 +73,11 @@ def unmoved(scene: Scene) -> Stance:
     n, dry = scene.touches, rubbing(scene.mechanism)
     drives = scene.drives.coordinates if scene.drives else ()
     anchors, pushes = [[0.0] * 2 for _ in range(n)], [[0.0] * 3 for _ in range(n)]
+    grips, pulled = [[0.0] * 3 for _ in scene.pair_of], [[0.0] * 3 for _ in scene.pairs]
     shift, carry = ([0.0] * (scene.mechanism.nv if some else 0) for some in (scene.rebounds, scene.loops))
     pulls, efforts = [0.0] * len(scene.rows), [0.0] * len(drives)
-    return Stance(anchors, [0.0] * len(dry), 0.0, shift, carry, pushes, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0)
+    slack = [0.0] * len(dry)
+    return Stance(anchors, grips, slack, 0.0, shift, carry, pushes, pulled, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

@@ -18,14 +18,23 @@ from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
 from articulated.simulation.contact.gaps import folded, gaps
 from articulated.simulation.forces import Forces, dot
 from articulated.simulation.implicit.closing import bends, closed_step, moved
+from articulated.simulation.implicit.iterate import Iterate
+from articulated.simulation.implicit.meetings import meetings
 from articulated.simulation.implicit.momentum import Past, momenta
-from articulated.simulation.implicit.newton import Iterate, begin, solved
-from articulated.simulation.implicit.problem import ANCHORING, contacts, drives, joint_terms, linear_part, restitutions
+from articulated.simulation.implicit.newton import begin, solved
+from articulated.simulation.implicit.problem import (
+    ANCHORING,
+    contacts,
+    drives,
+    joint_terms,
+    linear_part,
+    restitutions,
+)
 from articulated.simulation.implicit.rebound import rebounded
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import SLIP_SPEED, Contact
-from articulated.simulation.implicit.values import Terms
-from articulated.spatial import Vec3
+from articulated.simulation.implicit.values import Terms, Three
+from articulated.spatial import Mat3, Vec3
 
 
 def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
@@ -36,19 +45,20 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     p, mass = linear_part(start, v, forces, h)
     past = Past.of(now, start)
     carried = along_coordinates(now, momenta(now, past, forces, h))
-    terms = Terms(
-        contacts(scene, now, past, V, gaps(scene, now, forces.tables), start.stance, forces.numbers, h),
-        joint_terms(scene, now, start, forces, h),
-    )
+    grounded = contacts(scene, now, past, V, gaps(scene, now, forces.tables), start.stance, forces.numbers, h)
+    met, nearness = meetings(scene, now, past, V, start.stance, forces.numbers, h)
+    counts = [scene.points_of(pair) for pair in scene.pairs]
+    terms = Terms([*grounded, *met], joint_terms(scene, now, start, forces, h), counts, nearness)
     loops = lines(now, start.q, scene.loops)
     ropes = [term.rope[1] for term in terms.joints if term.rope is not None]
-    bodies = [c.body for c in terms.contacts] + [i for line in ropes for i in (line.a, line.b)]
+    bodies = [i for c in terms.contacts for i in (c.body, c.other)] + [i for line in ropes for i in (line.a, line.b)]
+    pairs = [] if scene.iterates else scene.couplings
     coordinates = [s for j in terms.joints for s in j.direction]
     p = [a + b for a, b in zip(p, carried, strict=True)]
     ties = Ties([*loops, *ropes], scene.sizes, len(ropes))
-    sweep = Sweep(now, p, mass, [i for i in bodies if i != WORLD], coordinates, ties)
-    start_at, tolerance = begin(sweep, terms, now, v), forces.numbers.tolerance
-    bend = bends(now, start.q, v, V, loops, h)
+    sweep = Sweep(now, p, mass, [i for i in bodies if i != WORLD], coordinates, ties, pairs)
+    bend, tolerance = bends(now, start.q, v, V, loops, h), forces.numbers.tolerance
+    start_at = begin(sweep, terms, now, v, bend)
     if scene.rebounds:
         given = restitutions(scene, terms, forces.numbers)
         gravity = Vec3.of(forces.gravity)
@@ -59,7 +69,7 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     v_moving = sweep.rest(along.v, along.pulls) if scene.rebounds else v_new
     efforts = _efforts(start, terms, found, forces, v_new, h)
     work = start.work + _work(now, terms, (start_at, found), forces, efforts, (v, v_new), h)
-    stance = _stance(start.stance, terms, found, forces, efforts, h)
+    stance = _stance(now, start.stance, terms, found, forces, efforts, h)
     if not (scene.loops or scene.rebounds):
         return Standing(*moved(now, start.q, v_new, v_new, h), work, stance)
     q_new, v_end = closed_step(scene, now, start.q, v_moving, v_new, h)
@@ -103,12 +113,11 @@ def _work(
         if joint.rope is not None:
             work = work - found.y.joints[n] * (0.5 * (begun.u.joints[n] + found.u.joints[n]))
 
-    def with_contact(n: int, work: Scalar) -> Scalar:
-        mean = (Vec3.of(begun.u.contacts[n]) + Vec3.of(found.u.contacts[n])) * 0.5
-        return work - Vec3.of(found.y.contacts[n]).dot(mean + terms.contacts[n].ground)
+    def of_contact(contact: Contact, before: Three, after: Three, y: Three) -> list[Scalar]:
+        return [Vec3.of(y).dot((Vec3.of(before) + Vec3.of(after)) * 0.5 + contact.ground)]
 
-    for n, contact in enumerate(terms.contacts):
-        work = given(contact.near, partial(with_contact, n, work), work)
+    taken = terms.each(of_contact, 1, begun.u.contacts, found.u.contacts, found.y.contacts)
+    work = work - terms.total(taken, [[0.0]] * len(terms.joints), 1)[0]
     V_mean = now.velocities(mean) if forces.external else []
     for (i, X_BL), wrench in zip(m.links, forces.external or (), strict=bool(forces.external)):
         if i != WORLD:
@@ -117,16 +126,28 @@ def _work(
     return work
 
 
-def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, efforts: Sequence[Scalar], h: Scalar) -> Stance:
+def _stance(
+    now: Tree, before: Stance, terms: Terms, found: Iterate, forces: Forces, efforts: Sequence[Scalar], h: Scalar
+) -> Stance:
     """What is carried on."""
-    scene = forces.scene
+    scene, first = forces.scene, forces.scene.touches
 
-    def contact(n: int) -> list[Scalar]:
+    def on_ground(n: int) -> list[Scalar]:
         u, y, limit = Vec3.of(found.u.contacts[n]), Vec3.of(found.y.contacts[n]), found.limits[n]
         stretch = _stretch(terms.contacts[n], u, y, limit, h)
         return [*folded(scene.surface_of(n), terms.contacts[n].n, stretch), *(-(x / h) for x in y)]
 
-    contacts = terms.near(contact, 5)
+    def on_body(contact: Contact, u: Three, y: Three, limit: Scalar, R: list[Scalar]) -> list[Scalar]:
+        stretch = _stretch(contact, Vec3.of(u), Vec3.of(y), limit, h)
+        return list(Mat3.of([R[k : k + 3] for k in (0, 3, 6)]).transpose_times(stretch))
+
+    contacts = terms.contacts
+    ground = [given(contact.near, partial(on_ground, n), [0.0] * 5) for n, contact in enumerate(contacts[:first])]
+    axes = [Mat3.identity() @ now.X[c.other].R if c.other != WORLD else Mat3.identity() for c in contacts[first:]]
+    turned = [[x for row in R.rows for x in row] for R in axes]
+    some = found.u.contacts[first:], found.y.contacts[first:], found.limits[first:], turned
+    grips = terms.of_met(on_body, 3, *some, otherwise=0.0)
+    pair_forces = terms.of_pairs(lambda _, y: [-(x / h) for x in y], 3, found.y.contacts[first:], otherwise=0.0)
     dry = [(joint, u) for joint, u in zip(terms.joints, found.u.joints, strict=True) if joint.dry is not None]
     speed = {s: u for joint, u in dry for s in joint.direction}
     longest = SLIP_SPEED * h / ANCHORING
@@ -134,12 +155,14 @@ def _stance(before: Stance, terms: Terms, found: Iterate, forces: Forces, effort
     slack = [minimum(maximum(x + h * speed[s], -longest), longest) for s, x in rubbed]
     residual = sqrt(found.error)
     return Stance(
-        [x[:2] for x in contacts],
+        [x[:2] for x in ground],
+        grips,
         slack,
         h,
         before.shift,
         before.carry,
-        [x[2:] for x in contacts],
+        [x[2:] for x in ground],
+        pair_forces,
         list(efforts),
         [x / h for x in found.pulls],
         maximum(before.residual, residual),

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from articulated.dynamics.loops.closure import Line
+from articulated.dynamics.mechanism import WORLD
 from articulated.scalar import Scalar, absolute, maximum, where
 from articulated.simulation.implicit.laws import Cone, Drive, Hinge, dot
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
@@ -21,11 +22,14 @@ NEAR_RIGID = 39.47841760435743
 """4π²: in a step, a spring acts at most as hard as one of this period on the mass that is felt: SAP, eq. 20, β = 1."""
 
 _TINY = 1e-30
+_NOTHING = Vec3.zero()
 
 
 @dataclass(eq=False)
 class Reaction:
     """What a contact answers: g, and G = s (1 − n nᵀ) − bend t tᵀ + along n nᵀ."""
+
+    SIZE = 9
 
     g: Vec3
     s: Scalar
@@ -33,6 +37,15 @@ class Reaction:
     t: Vec3
     along: Scalar
     n: Vec3
+
+    def numbers(self) -> list[Scalar]:
+        """All but n."""
+        return [*self.g, self.s, self.bend, *self.t, self.along]
+
+    @staticmethod
+    def of(numbers: Sequence[Scalar], n: Vec3) -> Reaction:
+        """The reverse of `numbers`."""
+        return Reaction(Vec3.of(numbers[:3]), numbers[3], numbers[4], Vec3.of(numbers[5:8]), numbers[8], n)
 
     def slope(self) -> Sym3:
         """G."""
@@ -62,19 +75,23 @@ class Bend:
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """A point of a body that may touch the ground.
+    """A point of a body that may touch the ground, or another body; SIZE numbers, but for its bodies and the ground.
 
     Attributes:
         body: which.
         r: the point, about O.
-        n: the ground's normal there.
+        n: the normal of what it touches, there.
         hinge: the law along n.
         anchor: tangential velocity that would undo the stretch of the spring that holds the point.
         ground: the ground's own velocity there.
         friction: coefficient.
         w: how much velocity an impulse gives the point, about [1/kg].
         near: mask: whether it can touch in this step. If not it answers nothing, and its other numbers are not defined.
+        other: the body that it may touch, if that moves.
+        already: impulse that it gives besides, whatever u is.
     """
+
+    SIZE = 19
 
     body: int
     r: Vec3
@@ -83,12 +100,28 @@ class Contact:
     anchor: Vec3
     ground: Vec3
     friction: Scalar
-    w: float
+    w: Scalar
     near: Scalar
+    other: int = WORLD
+    already: Vec3 = _NOTHING
 
-    def velocity(self, V: Sequence[Motion]) -> Vec3:
-        """u, relative to the ground."""
-        return V[self.body].linear + V[self.body].angular.cross(self.r) - self.ground
+    def numbers(self) -> list[Scalar]:
+        """All that it is but its bodies and the ground: of contacts between pieces."""
+        h = self.hinge
+        alone = [self.friction, self.w, h.a, h.b, h.c, h.d]
+        return [where(self.near, 1.0, 0.0), *alone, *self.r, *self.n, *self.anchor, *self.already]
+
+    @staticmethod
+    def of(numbers: Sequence[Scalar]) -> Contact:
+        """The reverse of `numbers`; of no bodies."""
+        near, friction, w, a, b, c, d, *vectors = numbers
+        r, n, anchor, already = (Vec3.of(vectors[k : k + 3]) for k in (0, 3, 6, 9))
+        return Contact(WORLD, r, n, Hinge(a, b, d, c), anchor, Vec3.zero(), friction, w, near > 0.5, WORLD, already)
+
+    def velocity(self, own: Motion, other: Motion) -> Vec3:
+        """u, relative to what it touches, for the velocities of both bodies; the ground's is 0."""
+        motion = own - other
+        return motion.linear + motion.angular.cross(self.r) - self.ground
 
     def stopping(self, un: Scalar) -> Scalar:
         """About the impulse that it takes to stop what comes with this velocity: for what did not push a sweep before."""
@@ -109,10 +142,10 @@ class Contact:
         x = self.pull(u)
         s, sliding = Cone(limit, self.width(limit)).secant(x.dot(x))
         push, along = self.hinge.push_and_slope(self.n.dot(u))
-        return Reaction(x * s - self.n * push, s, theta * s, x * sliding, along, self.n)
+        return Reaction(x * s - self.n * push - self.already, s, theta * s, x * sliding, along, self.n)
 
     def act(self, reaction: Reaction, u: Vec3) -> tuple[ArticulatedInertia, Force]:
-        """What it adds to its body's inertia and bias: G, and g − G u, with u in the world."""
+        """What it adds to its body's inertia and bias: G, and g − G u, with u in the world, or in the other body."""
         G, r = reaction.slope(), Mat3.skew(self.r)
         H = r @ G.as_matrix()
         b = reaction.g - reaction.times(u + self.ground)
@@ -123,6 +156,7 @@ class Contact:
         x, un = self.pull(u), self.n.dot(u)
         s, sliding = Cone(limit, self.width(limit)).secant(x.dot(x))
         push, along = self.hinge.push_and_slope(un)
+        y = y + self.already
         yn = self.n.dot(y)
         across, off = x * s - (y - self.n * yn), push + yn
         mass = 1.0 / self.w
@@ -154,6 +188,7 @@ class JointTerm:
         w: how much velocity an impulse gives, about [1/kg or 1/(kg m²)].
         near: as of a contact; True if there is more than stops.
         rope: its row, and the number of that among all rows of loops.
+        already: as of a contact.
     """
 
     direction: dict[int, Scalar]
@@ -163,6 +198,7 @@ class JointTerm:
     w: float
     near: Scalar
     rope: tuple[int, Line] | None = None
+    already: Scalar = 0.0
 
     def velocity(self, V: Sequence[Motion], v: Sequence[Scalar]) -> Scalar:
         """u."""
@@ -172,7 +208,7 @@ class JointTerm:
 
     def reaction(self, u: Scalar, theta: Scalar) -> tuple[Scalar, Scalar]:
         """g and G."""
-        g, G = 0.0, 0.0
+        g, G = -self.already, 0.0
         for sign, hinge in self.stops:
             push, slope = hinge.push_and_slope(u * sign)
             g, G = g - push * sign, G + slope
