@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -238,3 +240,10 @@ def near_ground(rig, points, count, rng, reach=0.4, speed=1.0):
     v = speed * rng.normal(size=(count, rig.nv))
     v[:, 3:6] *= 2.0
     return q, v
+
+
+def under_way(simulation, state):
+    """The same states, as if a step had led to them."""
+    memory = state.memory.copy()
+    memory[..., simulation._world.layout.stance.before - (simulation.rig.nq + simulation.rig.nv + 1)] = simulation.dt
+    return dataclasses.replace(state, memory=memory)

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 
 import numpy as np
 import pytest
-from dense_step import Dense
+from dense_step import Dense, under_way
 from pair_rigs import boxes, crumpled, free, loose, put
 from scipy.spatial.transform import Rotation
 
 import articulated as art
 from articulated.dynamics.tree import tree
 from articulated.simulation.contact.meeting import touches
-from articulated.simulation.implicit import newton as solver
+from articulated.simulation.implicit import newton
 
 H, FRICTION, STIFFNESS = 0.002, 0.7, 5e4
-MATERIAL = art.Material(friction=FRICTION, stiffness=STIFFNESS)
 STATES = int(os.environ.get("ARTICULATED_STATES", "12"))
 NEAR = 0.05
 """What is farther apart answers nothing in a step [m]."""
@@ -36,7 +34,7 @@ def two_ragdolls(rng):
     rig = art.compose(left=one, right=one)
     q = np.concatenate([q[:STATES], q[STATES:]], axis=1)
     put(rig, q, 0, (0.0, 0.0, 1.0))
-    put(rig, q, 1, rng.uniform([-0.2, -0.2, 0.9], [0.2, 0.2, 1.1], (STATES, 3)))
+    put(rig, q, 1, rng.uniform([-0.1, -0.1, 0.9], [0.1, 0.1, 1.1], (STATES, 3)))
     parts = ("torso", "head", "*forearm")
     pairs = [(f"left/{a}", f"right/{b}") for a in parts for b in parts]
     return rig, q, rng.normal(size=(STATES, rig.nv)), pairs
@@ -83,7 +81,7 @@ def on_ground(rig, q, rng):
 SCENES = {f.__name__: f for f in (limbs_crossed, two_ragdolls, ragdoll_and_ball, stack, pile)}
 
 
-def dense_of(simulation, h, q):
+def dense_of(simulation, friction, h, q):
     """The dense problem of a simulation without drives, damping or stops; for one of the configurations at a time."""
     scene, rig = simulation._world.scene, simulation.rig
     m, names, candidates = scene.mechanism, list(rig.links), scene.candidates
@@ -103,23 +101,16 @@ def dense_of(simulation, h, q):
     def of(k):
         return [(x[0], x[1:4], x[4:7]) for x in found[k]], np.flatnonzero(found[k, :, 0] < NEAR)
 
-    none = np.zeros(rig.nv)
-    return lambda k: _dense(rig, points, ends, *of(k), h, none)
+    material = art.Material(friction=friction, stiffness=STIFFNESS)
+    return lambda k: _dense(rig, points, ends, *of(k), material, h)
 
 
-def _dense(rig, points, ends, found, near, h, none):
+def _dense(rig, points, ends, found, near, material, h):
     """Without what is far apart, which answers nothing."""
-    pairs, some = [ends[n] for n in near], [found[n] for n in near]
+    pairs, some, none = [ends[n] for n in near], [found[n] for n in near], np.zeros(rig.nv)
     return Dense(
-        rig, points, MATERIAL, h, none, none, rig.neutral(), None, None, before=h, pairs=pairs, touches=lambda _: some
+        rig, points, material, h, none, none, rig.neutral(), None, None, before=h, pairs=pairs, touches=lambda _: some
     ), near
-
-
-def under_way(simulation, state):
-    """The same states, as if a step had led to them."""
-    memory = state.memory.copy()
-    memory[..., simulation._world.layout.stance.before - (simulation.rig.nq + simulation.rig.nv + 1)] = simulation.dt
-    return dataclasses.replace(state, memory=memory)
 
 
 def at_start(rig, q, q_new, v):
@@ -133,49 +124,63 @@ def at_start(rig, q, q_new, v):
     return v
 
 
-@pytest.mark.parametrize(("name", "fill"), [*((name, None) for name in SCENES), ("pile", 0)])
-def test_solution_is_that_of_a_dense_solver(name, fill, monkeypatch):
-    """In full contact; solved directly, or by iteration, if a factorisation may take no more than `fill` operations.
-
-    Iterations find other friction cones, which depend on the way to the solution: the dense solver is given these.
-    """
-    if fill is not None:
-        monkeypatch.setattr("articulated.simulation.scene.MOST_FILL", fill)
+def scene(name, friction=FRICTION):
+    """In full contact; with configurations and velocities."""
     rig, q, v, pairs = SCENES[name](np.random.default_rng(5))
-    rig = rig.with_joints(damping=0.0)
-    collisions = art.Collisions(friction=FRICTION, stiffness=STIFFNESS, pairs=pairs)
-    ground = art.Ground(friction=FRICTION, stiffness=STIFFNESS)
-    simulation = art.Simulation(rig, dt=H, ground=ground, limits=False, tolerance=1e-12, collisions=collisions)
-    assert simulation._world.scene.iterates == (fill == 0)
-    state = simulation.step(under_way(simulation, simulation.reset(q, v)))
+    collisions = art.Collisions(friction=friction, stiffness=STIFFNESS, pairs=pairs)
+    ground = art.Ground(friction=friction, stiffness=STIFFNESS)
+    settings = {"dt": H, "limits": False, "tolerance": 1e-12}
+    return art.Simulation(rig.with_joints(damping=0.0), ground=ground, collisions=collisions, **settings), q, v
+
+
+def assert_solved(simulation, state, q, v, friction=FRICTION, limits=None):
+    """A step's new state equals the dense solution, with the friction limits that the step found, if they are given."""
     assert simulation.residual(state).max() < 1e-10
-    cones = cones_of(simulation, q, v, monkeypatch) if simulation._world.scene.iterates else [None] * len(q)
-    got, dense, touched, worst = at_start(rig, q, state.q, state.v), dense_of(simulation, H, q), 0, []
+    got, dense, touched, worst = at_start(simulation.rig, q, state.q, state.v), dense_of(simulation, friction, H, q), 0, []
     for k in range(len(q)):
         problem, near = dense(k)
         ground = len(problem.points)
-        some = None if cones[k] is None else cones[k][[*range(ground), *(ground + near)]]
-        expected = problem.solve(q[k], v[k], cones=some)
+        cones = None if limits is None else limits[k][[*range(ground), *(ground + near)]]
+        expected = problem.solve(q[k], v[k], cones=cones)
         worst.append(np.abs(got[k] - expected).max() / np.abs(expected).max())
         pushes = problem.push(problem.hinges, (problem.J @ expected)[:, 2])[0]
         touched += bool((pushes[ground:] > 0.0).any())
-    # when iterations end depends on rounding, and so do the cones
-    assert max(worst) < (1e-9 if fill is None else 1e-6), (int(np.argmax(worst)), sorted(worst)[-10:])
-    assert touched > 0.2 * len(q)
+    assert max(worst) < 1e-9, (int(np.argmax(worst)), sorted(worst)[-10:])
+    assert touched > 0.4 * len(q)
 
 
-def cones_of(simulation, q, v, monkeypatch):
-    """The limits of the friction cones that a step finds, shape (states, contacts)."""
+@pytest.mark.parametrize("name", SCENES)
+def test_solution_is_that_of_a_dense_solver(name):
+    simulation, q, v = scene(name)
+    assert not simulation._world.scene.iterates
+    assert_solved(simulation, simulation.step(under_way(simulation, simulation.reset(q, v))), q, v)
+
+
+@pytest.fixture
+def nothing_is_factored(monkeypatch):
+    """Whatever couples bodies is solved by iteration."""
+    monkeypatch.setattr("articulated.simulation.scene.MOST_FILL", 0)
+
+
+def test_iterations_end_at_the_solution_of_a_dense_solver(nothing_is_factored):
+    simulation, q, v = scene("pile", friction=0.0)
+    assert simulation._world.scene.iterates
+    assert_solved(simulation, simulation.step(under_way(simulation, simulation.reset(q, v))), q, v, friction=0.0)
+
+
+def test_iterations_with_friction_end_at_the_solution_of_a_dense_solver(nothing_is_factored, monkeypatch):
+    """When iterations end depends on rounding, and with it the friction limits: the dense solver is given those that were found."""
+    simulation, q, v = scene("pile")
     limits = []
 
     def solved(*args, **settings):
-        found = solver.solved(*args, **settings)
+        found = newton.solved(*args, **settings)
         limits[:] = found.limits
         return found
 
     monkeypatch.setattr("articulated.simulation.implicit.step.solved", solved)
     monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
     with np.errstate(all="ignore"):
-        simulation.step(under_way(simulation, simulation.reset(q, v)))
-    monkeypatch.delenv("ARTICULATED_INTERPRET")
-    return np.nan_to_num(np.array([np.broadcast_to(x, len(q)) for x in limits]).T)
+        state = simulation.step(under_way(simulation, simulation.reset(q, v)))
+    found = np.nan_to_num(np.array([np.broadcast_to(x, len(q)) for x in limits]).T)
+    assert_solved(simulation, state, q, v, limits=found)

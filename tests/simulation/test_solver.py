@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
 from contact_rigs import points_of, rig_of
-from dense_step import Dense, near_ground
+from dense_step import Dense, near_ground, under_way
 
 import articulated as art
 
 MATERIAL = art.Material(friction=0.8, stiffness=5e4, dissipation=10.0)
-
-
-def under_way(simulation, state):
-    """The same states, as if a step had led to them."""
-    memory = state.memory.copy()
-    memory[..., simulation._world.layout.stance.before - (simulation.rig.nq + simulation.rig.nv + 1)] = simulation.dt
-    return dataclasses.replace(state, memory=memory)
 
 
 @pytest.mark.parametrize("name", ["g1", "solo12", "human", "ragdoll", "chain"])
