@@ -55,3 +55,17 @@ def crumpled(rng, count, reach=0.9):
             turn = reach * rng.normal(size=(count, 3))
             q[:, joint.q_slice] = Rotation.from_rotvec(turn).as_quat()
     return rig, q
+
+
+def within_limits(rig, q):
+    """The same configurations, with what is beyond its stops at them."""
+    q = q.copy()
+    for joint in rig.joints.values():
+        part, upper = joint.q_slice, joint.limits.upper
+        if joint.kind == "ball":
+            turn = Rotation.from_quat(q[:, part]).as_rotvec()
+            angle = np.linalg.norm(turn, axis=1, keepdims=True)
+            q[:, part] = Rotation.from_rotvec(turn * np.minimum(1.0, upper / np.maximum(angle, 1e-9))).as_quat()
+        elif joint.kind != "floating":
+            q[:, part] = np.clip(q[:, part], joint.limits.lower, upper)
+    return q
