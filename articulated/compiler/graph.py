@@ -68,20 +68,17 @@ class Loop:
     columns: list[tuple[int, ...]] = field(default_factory=list)
     yields: list[int] = field(default_factory=list)
 
-    def needs(self, k: int) -> Iterator[int]:
-        """The nodes that its k-th carried value depends on."""
-        yield from (self.initial[k], self.following[k])
-        yield from (node for _, _, node in self.records)
+    def always(self) -> Iterator[int]:
+        """The nodes that a turn needs, whatever is wanted of the loop: the mask first."""
         if self.until is not None:
             yield self.until
+        yield from (node for _, _, node in self.records)
 
     def results(self) -> Iterator[int]:
         """The nodes that a turn is for, the mask first."""
-        if self.until is not None:
-            yield self.until
+        yield from self.always()
         yield from self.following
         yield from self.yields
-        yield from (node for _, _, node in self.records)
 
 
 def operands(node: Node) -> Node:

@@ -7,7 +7,7 @@ time. What comes when is for `order` to say.
 
 from __future__ import annotations
 
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
@@ -161,6 +161,7 @@ def resolved(i: int, nodes: Sequence[Node], loops: Sequence[Loop]) -> int:
 
 def _live(nodes: Sequence[Node], loops: Sequence[Loop], outputs: Sequence[Sequence[int]]) -> set[int]:
     live: set[int] = set()
+    entered: set[int] = set()
     stack = [i for row in outputs for i in row]
     while stack:
         i = stack.pop()
@@ -169,8 +170,11 @@ def _live(nodes: Sequence[Node], loops: Sequence[Loop], outputs: Sequence[Sequen
         live.add(i)
         node = nodes[i]
         if node[0] in ("carried", "after"):
-            loop = loops[node[1] - 1]
-            stack += [loop.end, loop.carried[node[2]], *loop.needs(node[2])]
+            loop, k = loops[node[1] - 1], node[2]
+            stack += [loop.carried[k], loop.initial[k], loop.following[k]]
+            if loop.region not in entered:
+                entered.add(loop.region)
+                stack += [loop.end, *loop.always()]
         if node[0] == "yield":
             stack += [loops[node[1] - 1].end, loops[node[1] - 1].yields[node[3]]]
         if node[0] == "column":
@@ -330,10 +334,10 @@ def _at_once(
             order.update((i, (n, k)) for k, i in enumerate(item.nodes))
         for k, i in _reads_of(nodes, loops, item):
             last[i] = max(last.get(i, (-1, -1)), (n, k))
-    sources = [source for source, _ in moved]
+    sources = Counter(source for source, _ in moved)
     result = {}
     for source, target in moved:
-        alone = sources.count(source) == 1 and target not in sources
+        alone = sources[source] == 1 and target not in sources
         stays = source in order and last.get(source, order[source])[0] == order[source][0]
         if alone and stays and last.get(target, (-1, -1)) <= order[source] and nodes[source][0] not in MASKS:
             result[source] = target

@@ -6,8 +6,8 @@ them come together, they leave in another pass, and so on: an impact goes from o
 What a pass gave stays given. In the last one nothing leaves, and all have their laws again.
 
 With several contacts, and with friction, Newton's law can give more than came in (Kane 1984): of the way from v₁ to what the
-last solve finds only as much is taken as leaves no work done by the contacts. Positions move with v₁ up to the part τ of the
-step at which the first of them meets, then with v⁺.
+last solve finds only as much is taken as leaves no work done by the contacts. Positions move with that mean of v₁ and v⁺ with
+which the contact that meets first closes within the part τ of the step, and opens during the rest.
 
 In free fall a step's velocity is that of its middle. So speeds of impact and rebound are looked at where they happen: the one
 half a step and τ h after u⁻ was true, the other half a step and (1 − τ) h before u⁺ will be. So balls rise to e² of the height
@@ -29,7 +29,7 @@ from articulated.simulation.implicit.terms import Contact
 from articulated.simulation.implicit.values import Terms, Three, Values
 from articulated.spatial import Vec3
 
-RIGID = 1e4
+RIGID = 1e6
 """A contact that rebounds is so much harder than the mass that is felt."""
 _NEVER = 2.0
 PASSES = 12
@@ -50,6 +50,7 @@ class Bounce:
         given: impulses of contacts and of joints' terms from passes before.
         found, first: what the last and the first solve found.
         meets: the part of the step after which the first contact meets that rebounds; more than 1 if none does.
+        share: how much of the way from the first velocities to the last positions move with.
         sweeps: of all solves.
         last, done: 1 if all have their laws in the next solve, and once that is done.
     """
@@ -61,6 +62,7 @@ class Bounce:
     found: Iterate
     first: Iterate
     meets: Scalar
+    share: Scalar
     sweeps: Scalar
     last: Scalar
     done: Scalar
@@ -92,7 +94,7 @@ def rebounded(
     def turn(at: Bounce) -> Bounce:
         found = solved(sweep, _with(terms, at.hinges, at.given), at.found, mass, tolerance, bend)
         is_first = at.k < 0.5
-        meets, leaving, stiff = _NEVER, [], []
+        meets, share, leaving, stiff = _NEVER, 0.0, [], []
         for e, hinge, before, now, near in zip(
             restitutions, laws, incoming, _speeds(terms, found.u), _near(terms), strict=True
         ):
@@ -106,6 +108,8 @@ def rebounded(
             stiff.append(Hinge(hard * target, hard, 0.0))
             leaving.append(where(leaves, 1.0, 0.0))
             meets = minimum(meets, where(leaves, tau, _NEVER))
+            moved = (1.0 - tau) * (target + tau * lag) - gap / h - now
+            share = maximum(share, where(leaves, moved / where(leaves, target - now, 1.0), 0.0))
         is_last = meets > 1.5
         hinges = []
         for e, hinge, hard, leaves in zip(restitutions, laws, stiff, leaving, strict=True):
@@ -119,15 +123,16 @@ def rebounded(
             found,
             _chosen(is_first, found, at.first),
             where(is_first, meets, at.meets),
+            where(is_first, share, at.share),
             at.sweeps + found.k,
             where(is_last, 1.0, 0.0),
             where(is_last & is_first, 1.0, at.last),
         )
 
     nothing = Values([[0.0] * 3 for _ in terms.contacts], [0.0] * len(terms.joints))
-    begin = Bounce(0.0, laws, [0.0] * len(laws), nothing, start, start, 0.0, 0.0, 0.0, 0.0)
+    begin = Bounce(0.0, laws, [0.0] * len(laws), nothing, start, start, 0.0, 0.0, 0.0, 0.0, 0.0)
     end = repeat(PASSES, turn, begin, lambda at: at.done > 0.5)
-    part = where(end.meets > 1.5, 0.0, _lossless(terms, end, start.u, fall))
+    part = where(end.meets > 1.5, 0.0, _lossless(terms, end, start.u, fall * (4.0 * end.meets)))
     found = replace(
         end.found,
         k=end.sweeps,
@@ -136,8 +141,8 @@ def rebounded(
         u=end.first.u.moved(part, end.found.u),
         y=end.first.y.moved(part, end.found.y),
     )
-    meets = minimum(end.meets, 1.0)
-    moving = (_between(a, b, meets) for a, b in ((found.v, end.first.v), (found.pulls, end.first.pulls)))
+    share = where(end.meets > 1.5, 1.0, minimum(end.share, 1.0))
+    moving = (_between(a, b, share) for a, b in ((end.first.v, found.v), (end.first.pulls, found.pulls)))
     return found, replace(found, **dict(zip(("v", "pulls"), moving, strict=True)))
 
 
@@ -206,15 +211,18 @@ def _speeds(terms: Terms, u: Values) -> list[Scalar]:
 
 
 def _lossless(terms: Terms, end: Bounce, before: Values, fall: Vec3) -> Scalar:
-    """The part of the way from the first solve to the second that the contacts need not do work for: 1 if all is."""
+    """The part of the way from the first solve to the last that the contacts need not do work for: 1 if all is.
 
-    def of_contact(_: Contact, y1: Three, y2: Three, twice: Three, u1: Three, u2: Three) -> list[Scalar]:
-        y, u = Vec3.of(y1), Vec3.of(twice) + Vec3.of(u1)
+    `fall` takes a velocity before the step, and one of the middle of the step, to where both are true.
+    """
+
+    def of_contact(_: Contact, y1: Three, y2: Three, before: Three, u1: Three, u2: Three) -> list[Scalar]:
+        y, u = Vec3.of(y1), Vec3.of(before) + Vec3.of(u1)
         dy, du = Vec3.of(y2) - y, Vec3.of(u2) - Vec3.of(u1)
         return [y.dot(u), dy.dot(u) + y.dot(du), dy.dot(du)]
 
     at = terms.grounded
-    started = [*([x + 2.0 * f for x, f in zip(u, fall, strict=True)] for u in before.contacts[:at]), *before.contacts[at:]]
+    started = [*([x + f for x, f in zip(u, fall, strict=True)] for u in before.contacts[:at]), *before.contacts[at:]]
     values = end.first.y.contacts, end.found.y.contacts, started, end.first.u.contacts, end.found.u.contacts
     zero, one, two = terms.total(terms.each(of_contact, 3, *values), [[0.0] * 3 for _ in terms.joints], 3)
     root = sqrt(maximum(one * one - 4.0 * zero * two, 0.0))
