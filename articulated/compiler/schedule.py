@@ -39,10 +39,11 @@ class Chunk:
 
 @dataclass(eq=False)
 class Repeat:
-    """A loop over its items."""
+    """A loop over its items, which read these nodes."""
 
     loop: Loop
     items: list[Item]
+    reads: set[int] = field(default_factory=set)
 
 
 @dataclass(eq=False)
@@ -304,7 +305,8 @@ class _Walk:
         body = [item for item in body if not isinstance(item, Chunk) or item.nodes or item.copies or item.yields]
         if loop.columns and len(body) == 1 and isinstance(body[0], Chunk):
             body[0].rows = loop
-        return [*self._copies(enter, None), Repeat(loop, body)]
+        reads = {i for item in body for _, i in _reads_of(self.nodes, self.graph.loops, item)}
+        return [*self._copies(enter, None), Repeat(loop, body, reads)]
 
     def _yield(self, loop: Loop, inside: list[Item]) -> None:
         """Let the chunks of a loop over rows put away what it makes of a row, as far as that is wanted."""
@@ -353,7 +355,7 @@ def _reads_of(nodes: Sequence[Node], loops: Sequence[Loop], item: Item) -> Itera
         yield from ((len(item.nodes), resolved(i, nodes, loops)) for i, _, _ in item.yields)
     elif isinstance(item, Repeat):
         yield from ((0, resolved(i, nodes, loops)) for column in item.loop.columns for i in column)
-        yield from ((0, i) for part in item.items for _, i in _reads_of(nodes, loops, part))
+        yield from ((0, i) for i in item.reads)
     elif isinstance(item, (Exit, Check)):
         yield 0, item.mask
     elif isinstance(item, Write):
