@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import fields, is_dataclass, replace
+from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -82,6 +83,11 @@ def given(condition: Scalar, value: Callable[[], Nested], otherwise: Nested) -> 
     return condition.given(value, otherwise)
 
 
+def either(condition: Scalar, a: Nested, b: Nested) -> Nested:
+    """As `where`, of two things of one structure."""
+    return rebuilt(b, iter([where(condition, x, y) for x, y in zip(flatten(a), flatten(b), strict=True)]))
+
+
 def minimum(a: Scalar, b: Scalar) -> Scalar:
     """The smaller of two scalars."""
     return where(a < b, a, b)
@@ -90,6 +96,16 @@ def minimum(a: Scalar, b: Scalar) -> Scalar:
 def maximum(a: Scalar, b: Scalar) -> Scalar:
     """The larger of two scalars."""
     return where(a > b, a, b)
+
+
+def least(values: Sequence[Scalar]) -> Scalar:
+    """The smallest of some scalars."""
+    return reduce(minimum, values)
+
+
+def greatest(values: Sequence[Scalar]) -> Scalar:
+    """The largest of some scalars."""
+    return reduce(maximum, values)
 
 
 def nearest(x: Scalar) -> Scalar:

@@ -13,7 +13,7 @@ from typing import TypeVar
 from articulated.dynamics.configuration import step_rate
 from articulated.dynamics.loops.factor import Redundancy, entries
 from articulated.dynamics.mechanism import Mechanism
-from articulated.scalar import Scalar, absolute, exp, flatten, log, maximum, minimum, rebuilt, sqrt, where
+from articulated.scalar import Scalar, absolute, either, exp, log, maximum, minimum, sqrt, where
 from articulated.simulation.forces import Forces
 from articulated.simulation.runge_kutta import Point, Slope, Tableau, closed, moved, stage
 
@@ -135,12 +135,12 @@ def attempt(
     t = where(h == rest, t_stop, state.t + h)
     return Adaptive(
         t=where(accept, t, state.t),
-        at=_chosen(accept, arrived, state.at),
-        slope=_chosen(accept, next_slope, state.slope),
+        at=either(accept, arrived, state.at),
+        slope=either(accept, next_slope, state.slope),
         h=h_next,
         t0=where(accept, state.t, state.t0),
-        start=_chosen(accept, state.at, state.start),
-        slopes=[_chosen(accept, a, b) for a, b in zip(slopes, state.slopes, strict=True)],
+        start=either(accept, state.at, state.start),
+        slopes=either(accept, slopes, state.slopes),
         taken=where(accept, h, state.taken),
         steps=state.steps + 1.0,
         failed=where(too_short, 1.0, state.failed),
@@ -153,7 +153,7 @@ def interpolated(mechanism: Mechanism, state: Adaptive, t: Scalar) -> Point:
     weights = [s * s * (a + s * (b + s * c)) for a, b, c in _DENSE]
     weights[0] = weights[0] + s
     _, between = moved(mechanism, state.start, weights, state.slopes, state.taken)
-    return _chosen(state.t == t, state.at, replace(between, pulls=state.at.pulls))
+    return either(state.t == t, state.at, replace(between, pulls=state.at.pulls))
 
 
 def _error(
@@ -169,7 +169,3 @@ def _error(
         a, b = e_step / (atol + rtol), e_v / (atol + rtol * size_v)
         total = total + a * a + b * b
     return sqrt(total / max(1, 2 * mechanism.nv))
-
-
-def _chosen(condition: Scalar, a: Choice, b: Choice) -> Choice:
-    return rebuilt(a, iter([where(condition, x, y) for x, y in zip(flatten(a), flatten(b), strict=True)]))

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import overload
 
 from articulated.scalar import Scalar
 from articulated.spatial.vector import Vec3
 
 
+@dataclass(slots=True, eq=False)
 class Mat3:
     """A general 3x3 matrix, kept as three rows. A rotation `R_AB` takes components in B to components in A."""
 
-    __slots__ = ("rows",)
+    row0: Vec3
+    row1: Vec3
+    row2: Vec3
 
-    def __init__(self, row0: Vec3, row1: Vec3, row2: Vec3):
-        self.rows = (row0, row1, row2)
+    @property
+    def rows(self) -> tuple[Vec3, Vec3, Vec3]:
+        return self.row0, self.row1, self.row2
 
     @staticmethod
     def of(rows: Sequence[Sequence[Scalar]]) -> Mat3:

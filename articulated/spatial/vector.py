@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from articulated.scalar import Scalar
 
 
+@dataclass(slots=True, eq=False)
 class Vec3:
     """A vector in three dimensions."""
 
-    __slots__ = ("x", "y", "z")
-
-    def __init__(self, x: Scalar, y: Scalar, z: Scalar):
-        self.x, self.y, self.z = x, y, z
+    x: Scalar
+    y: Scalar
+    z: Scalar
 
     @staticmethod
     def zero() -> Vec3:

@@ -7,12 +7,12 @@ all states of a group, machine code skips the rest. Pairs of the same kinds of s
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
 
 from articulated.dynamics.tree import Tree
-from articulated.scalar import Scalar, each, given
+from articulated.scalar import Nested, Scalar, each, given
 from articulated.simulation.contact.narrow.axles import roller_roller
 from articulated.simulation.contact.narrow.boxes import block_block, rod_block
 from articulated.simulation.contact.narrow.hulls import hull_block, hull_hull, hull_rod, hull_roller
@@ -34,8 +34,6 @@ _MEETINGS: dict[tuple[type, type], Callable[[Any, Any], list[Touch]]] = {
     (Hull, Roller): hull_roller,
     (Hull, Hull): hull_hull,
 }
-_SIZE = 7
-"""Numbers of a touch."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +59,8 @@ def count(a: Piece, b: Piece) -> int:
 
 
 def each_pair(
-    now: Tree, pieces: Sequence[Piece], pairs: Sequence[Pair], body: Callable[..., list[Scalar]], *values: Sequence[Any]
-) -> list[list[Scalar]]:
+    now: Tree, pieces: Sequence[Piece], pairs: Sequence[Pair], body: Callable[..., Nested], *values: Sequence[Any]
+) -> list[Nested]:
     """What `body` makes of each pair: of its two shapes as they stand, and of what belongs to it of each of some lists.
 
     Pairs of shapes of the same kinds are rows of one loop.
@@ -71,13 +69,13 @@ def each_pair(
     groups: dict[Any, list[int]] = {}
     for n, pair in enumerate(pairs):
         groups.setdefault((_likeness(placed[pair.a]), _likeness(placed[pair.b])), []).append(n)
-    results: dict[int, list[Scalar]] = {}
+    results: dict[int, Nested] = {}
     for some in groups.values():
         likes = [placed[k] for k in (pairs[some[0]].a, pairs[some[0]].b)]
-        rows = [[*([*_numbers(placed[k])] for k in (pairs[n].a, pairs[n].b)), *(x[n] for x in values)] for n in some]
+        rows = [[*(_moving(placed[k]) for k in (pairs[n].a, pairs[n].b)), *(x[n] for x in values)] for n in some]
 
-        def of_row(row: list[Any], likes: list[Placed] = likes) -> list[Scalar]:
-            a, b = (_placed(like, numbers) for like, numbers in zip(likes, row, strict=False))
+        def of_row(row: list[Any], likes: list[Placed] = likes) -> Nested:
+            a, b = (_like(like, shape) for like, shape in zip(likes, row, strict=False))
             return body(a, b, *row[2:])
 
         results.update(zip(some, each(rows, of_row), strict=True))
@@ -88,21 +86,13 @@ def touches(now: Tree, pieces: Sequence[Piece], pairs: Sequence[Pair], near: boo
     """Of all pairs, one after the other; of those whose balls are apart, if only those `near` are wanted, they are `FAR`."""
     reaches = [pieces[pair.a].reach + pieces[pair.b].reach for pair in pairs]
 
-    def numbers(a: Placed, b: Placed) -> list[Scalar]:
-        return [x for touch in meet(a, b) for x in (touch.size, *touch.normal, *touch.point)]
-
-    def of_pair(a: Placed, b: Placed, reach: Scalar) -> list[Scalar]:
+    def of_pair(a: Placed, b: Placed, reach: Scalar) -> list[Touch]:
         if not near:
-            return numbers(a, b)
-        nothing = [FAR, *[0.0] * (_SIZE - 1)] * len(meet(a, b))
-        return given(within(a, b, reach), lambda: numbers(a, b), nothing)
+            return meet(a, b)
+        nothing = [Touch(FAR, Vec3.zero(), Vec3.zero())] * len(meet(a, b))
+        return given(within(a, b, reach), lambda: meet(a, b), nothing)
 
-    found = []
-    for some in each_pair(now, pieces, pairs, of_pair, reaches):
-        for k in range(0, len(some), _SIZE):
-            size, *rest = some[k : k + _SIZE]
-            found.append(Touch(size, Vec3.of(rest[:3]), Vec3.of(rest[3:])))
-    return found
+    return [touch for some in each_pair(now, pieces, pairs, of_pair, reaches) for touch in some]
 
 
 def within(a: Placed, b: Placed, reach: Scalar) -> Scalar:
@@ -116,23 +106,14 @@ def _likeness(shape: Placed) -> Any:
     return (type(shape), shape.solid if isinstance(shape, Hull) else isinstance(shape, Rod) and shape.half is None)
 
 
-def _numbers(shape: Placed) -> list[Scalar]:
-    if isinstance(shape, Rod):
-        return [*shape.center, shape.radius, *(shape.half or ())]
-    if isinstance(shape, Roller):
-        return [*shape.center, shape.radius, shape.half, *shape.axis]
-    turned = [*shape.center, *(x for row in shape.R.rows for x in row)]
-    return [*turned, *shape.half] if isinstance(shape, Block) else turned
+def _moving(shape: Placed) -> Placed:
+    """The shape without what shapes of one kind have in common."""
+    return replace(shape, solid=None) if isinstance(shape, Hull) else shape
 
 
-def _placed(like: Placed, numbers: Sequence[Scalar]) -> Placed:
-    center, rest = Vec3.of(numbers[:3]), numbers[3:]
-    if isinstance(like, Rod):
-        return Rod(center, Vec3.of(rest[1:]) if like.half else None, rest[0])
-    if isinstance(like, Roller):
-        return Roller(center, Vec3.of(rest[2:]), rest[0], rest[1])
-    R = Mat3.of([rest[k : k + 3] for k in (0, 3, 6)])
-    return Block(center, R, (rest[9], rest[10], rest[11])) if isinstance(like, Block) else Hull(center, R, like.solid)
+def _like(like: Placed, shape: Placed) -> Placed:
+    """The reverse, for a shape like another."""
+    return replace(shape, solid=like.solid) if isinstance(like, Hull) else shape
 
 
 def _somewhere(piece: Piece, x: float) -> Placed:

@@ -12,12 +12,11 @@ from articulated.dynamics.boundary import Argument
 from articulated.dynamics.calls import call
 from articulated.dynamics.mechanism import Mechanism
 from articulated.dynamics.tree import tree
-from articulated.scalar import Nested, where
+from articulated.scalar import Nested, either
 from articulated.simulation.contact.choosing import name_of
 from articulated.simulation.contact.gaps import gaps
 from articulated.simulation.contact.meeting import touches
 from articulated.simulation.scene import Scene
-from articulated.spatial import Vec3
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +99,8 @@ def _geometry(m: Mechanism, q: Nested, key: _Key) -> Nested:
     ground = [[*(now.origin + gap.point), *gap.normal, gap.size] for gap in gaps(scene, now, scene.tables)]
     some, deepest = iter(touches(now, scene.pieces, scene.pairs)), []
     for pair in scene.pairs:
-        first, *others = ((touch.size, *touch.normal, *touch.point) for touch in islice(some, scene.points_of(pair)))
+        first, *others = islice(some, scene.points_of(pair))
         for other in others:
-            first = [where(other[0] < first[0], x, y) for x, y in zip(other, first, strict=True)]
-        deepest.append([*(now.origin + Vec3.of(first[4:])), *first[1:4], first[0]])
+            first = either(other.size < first.size, other, first)
+        deepest.append([*(now.origin + first.point), *first.normal, first.size])
     return [*ground, *deepest]

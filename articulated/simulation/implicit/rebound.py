@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.sweep import Sweep
-from articulated.scalar import Nested, Scalar, flatten, maximum, minimum, rebuilt, repeat, sqrt, where
+from articulated.scalar import Scalar, either, maximum, minimum, repeat, sqrt, where
 from articulated.simulation.implicit.iterate import Iterate
 from articulated.simulation.implicit.laws import Hinge
 from articulated.simulation.implicit.newton import solved
@@ -113,15 +113,15 @@ def rebounded(
         is_last = meets > 1.5
         hinges = []
         for e, hinge, hard, leaves in zip(restitutions, laws, stiff, leaving, strict=True):
-            rests = _chosen(e > 0.0, _OPEN, hinge)
-            hinges.append(_chosen(is_last, hinge, _chosen(leaves > 0.5, hard, rests)))
+            rests = either(e > 0.0, _OPEN, hinge)
+            hinges.append(either(is_last, hinge, either(leaves > 0.5, hard, rests)))
         return Bounce(
             at.k + 1.0,
             hinges,
             leaving,
             _given(terms, at, found),
             found,
-            _chosen(is_first, found, at.first),
+            either(is_first, found, at.first),
             where(is_first, meets, at.meets),
             where(is_first, share, at.share),
             at.sweeps + found.k,
@@ -228,8 +228,3 @@ def _lossless(terms: Terms, end: Bounce, before: Values, fall: Vec3) -> Scalar:
     root = sqrt(maximum(one * one - 4.0 * zero * two, 0.0))
     largest = (one + root) / maximum(-2.0 * two, 1e-30)
     return where(zero + one + two >= 0.0, 1.0, minimum(maximum(largest, 0.0), 1.0))
-
-
-def _chosen(condition: Scalar, a: Nested, b: Nested) -> Nested:
-    """`a` where the condition holds, else `b`, of one structure."""
-    return rebuilt(b, iter([where(condition, x, y) for x, y in zip(flatten(a), flatten(b), strict=True)]))

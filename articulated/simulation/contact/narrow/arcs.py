@@ -19,8 +19,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.reduction import either
+from articulated.scalar import Scalar, either, given, least, maximum, sqrt, where
 from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Vec3
 
@@ -43,10 +42,6 @@ class Axis:
     size: Scalar
     normal: Vec3
 
-    def or_else(self, other: Axis, mask: Scalar) -> Axis:
-        """The other where a mask holds."""
-        return Axis(where(mask, other.size, self.size), either(mask, other.normal, self.normal))
-
 
 @dataclass(frozen=True, eq=False)
 class Side:
@@ -63,18 +58,13 @@ class Side:
     sine: Scalar
     normal: Vec3
 
-    def or_else(self, other: Side, mask: Scalar) -> Side:
-        """The other where a mask holds."""
-        beyond, cosine = where(mask, other.beyond, self.beyond), where(mask, other.cosine, self.cosine)
-        return Side(beyond, cosine, where(mask, other.sine, self.sine), either(mask, other.normal, self.normal))
-
 
 def best_face(solid: Solid, points: Sequence[Vec3]) -> Axis:
     """The face of a polyhedron from which points are farthest; they are given in its own axes."""
     best = None
     for n, offset in solid.faces:
         face = Axis(least([n.dot(x) for x in points]) - offset, n)
-        best = face if best is None else best.or_else(face, face.size > best.size)
+        best = face if best is None else either(face.size > best.size, face, best)
     assert best is not None
     return best
 
@@ -89,17 +79,11 @@ def best_axis(solid: Solid, points: Sequence[Vec3]) -> tuple[Axis, Scalar]:
     heights = [face.normal.dot(x) for x in points]
     corner, low = points[0], heights[0]
     for x, height in zip(points[1:], heights[1:], strict=True):
-        lower = height < low
-        corner, low = either(lower, x, corner), where(lower, height, low)
+        corner, low = either(height < low, (x, height), (corner, low))
     heights = [height - low for height in heights]
     side = farthest(sides(solid, face, corner))
-
-    def turned() -> list[Scalar]:
-        axis = _turned(face, side, corner, points, heights)
-        return [axis.size, *axis.normal]
-
-    size, *normal = given(side.beyond > 0.0, turned, [_NONE, *face.normal])
-    return face.or_else(Axis(size, Vec3.of(normal)), size > face.size), side.beyond
+    turned = given(side.beyond > 0.0, lambda: _turned(face, side, corner, points, heights), Axis(_NONE, face.normal))
+    return either(turned.size > face.size, turned, face), side.beyond
 
 
 def sides(solid: Solid, face: Axis, corner: Vec3) -> list[Side]:
@@ -132,13 +116,5 @@ def farthest(sides: Sequence[Side]) -> Side:
     """The one that the corner is farthest beyond."""
     best = sides[0]
     for side in sides[1:]:
-        best = best.or_else(side, side.beyond > best.beyond)
+        best = either(side.beyond > best.beyond, side, best)
     return best
-
-
-def least(values: Sequence[Scalar]) -> Scalar:
-    """The smallest."""
-    low = values[0]
-    for value in values[1:]:
-        low = minimum(low, value)
-    return low

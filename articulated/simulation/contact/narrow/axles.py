@@ -16,12 +16,13 @@ k        cosine between the two axes
 
 from __future__ import annotations
 
-from articulated.scalar import Scalar, absolute, given, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.arcs import Axis, least
-from articulated.simulation.contact.narrow.cylinders import Course, distance, reach
+from articulated.scalar import Scalar, absolute, either, given, least, maximum, minimum, sqrt, where
+from articulated.simulation.contact.narrow.arcs import Axis
+from articulated.simulation.contact.narrow.cylinders import Course, ball, distance, reach
 from articulated.simulation.contact.narrow.footprints import UPRIGHT
+from articulated.simulation.contact.narrow.lines import clamped
 from articulated.simulation.contact.narrow.placed import FAR, Roller, Touch
-from articulated.simulation.contact.narrow.reduction import ASKEW, Across, Place, either, four
+from articulated.simulation.contact.narrow.reduction import ASKEW, Across, Place, four
 from articulated.simulation.contact.narrow.rims import lowest
 from articulated.spatial import Vec3
 
@@ -41,29 +42,29 @@ def roller_roller(a: Roller, b: Roller) -> list[Touch]:
     """The points of two cylinders, four of them; those that are not there are far."""
     c = a.center - b.center
     end, end_of_a = _of_end(a, b, c, b.axis), _of_end(a, b, c, a.axis)
-    end = end.or_else(end_of_a, end_of_a.size > end.size + _PREFERENCE)
+    end = either(end_of_a.size > end.size + _PREFERENCE, end_of_a, end)
     (of_a, t_a), (of_b, t_b) = _of_side(a, b, c, 1.0), _of_side(b, a, c, -1.0)
     is_b = of_b.size > of_a.size + _PREFERENCE_OF_A
-    side = of_a.or_else(of_b, is_b)
+    side = either(is_b, of_b, of_a)
     n = either(side.size > end.size, side.normal, end.normal)
     rim, point = _of_rims(a, b, c, (_end(a, -n, t_a), _end(b, n, t_b)))
     is_rim = rim.size > side.size + _PREFERENCE
-    side = side.or_else(rim, is_rim)
+    side = either(is_rim, rim, side)
 
     far = [Touch(FAR, end.normal, b.center)] * 4
-    on_end = given(side.size <= end.size + _PREFERENCE, lambda: _numbers(_by_ends(a, b, end)), _numbers(far))
-    nothing = least(on_end[:: len(on_end) // 4]) > 0.5 * FAR
+    on_end = given(side.size <= end.size + _PREFERENCE, lambda: _by_ends(a, b, end), far)
+    nothing = least([touch.size for touch in on_end]) > 0.5 * FAR
     is_side = side.size > end.size + where(nothing, -(_SLACK * minimum(a.radius, b.radius)), _PREFERENCE)
     side = Axis(maximum(side.size, end.size), side.normal)  # both tell how far they are apart at least
 
-    def by_sides() -> list[Scalar]:
-        found = _by_sides(_one_of(is_b, b, a), _one_of(is_b, a, b), where(is_b, t_b, t_a), side, where(is_b, -1.0, 1.0))
+    def by_sides() -> list[Touch]:
+        rod, other, t, turn = either(is_b, (b, a, t_b, -1.0), (a, b, t_a, 1.0))
+        found = _by_sides(rod, other, t, side, turn)
         near = Touch(side.size, side.normal, either(is_rim, point, found[0].point))
         rest = [Touch(where(is_rim, FAR, touch.size), touch.normal, touch.point) for touch in found[1:]]
-        return _numbers([near, *rest, Touch(FAR, side.normal, near.point)])
+        return [near, *rest, Touch(FAR, side.normal, near.point)]
 
-    numbers = given(is_side, by_sides, on_end)
-    return [Touch(numbers[k], Vec3.of(numbers[k + 1 : k + 4]), Vec3.of(numbers[k + 4 : k + 7])) for k in range(0, 28, 7)]
+    return given(is_side, by_sides, on_end)
 
 
 def _of_end(a: Roller, b: Roller, c: Vec3, u: Vec3) -> Axis:
@@ -117,11 +118,9 @@ def _by_sides(rod: Roller, other: Roller, t: Scalar, side: Axis, turn: Scalar) -
     begin, end = Course.of(other, rod.center, half).beside(other.half)
     begin, end = maximum(begin, -1.0), minimum(end, 1.0)
     for place in (begin, end):
-        center = rod.center + half * minimum(maximum(place, -1.0), 1.0)
-        size, normal = distance(other, center)
-        size = size - rod.radius
-        there = (begin < end) & (absolute(normal.dot(rod.axis)) < _FLUSH)
-        found.append(Touch(where(there, size, FAR), normal * turn, center - normal * (rod.radius + 0.5 * size)))
+        touch = ball(other, rod.center + half * clamped(place), rod.radius)
+        there = (begin < end) & (absolute(touch.normal.dot(rod.axis)) < _FLUSH)
+        found.append(Touch(where(there, touch.size, FAR), touch.normal * turn, touch.point))
     return found
 
 
@@ -131,7 +130,7 @@ def _by_ends(a: Roller, b: Roller, axis: Axis) -> list[Touch]:
     across = Across.of(n)
     places = [*_on_end(*_line(a, n), b, across, 1.0), *_on_end(*_line(b, -n), a, across, -1.0)]
     is_a = a.radius <= b.radius
-    small, large, side = _one_of(is_a, a, b), _one_of(is_a, b, a), where(is_a, 1.0, -1.0)
+    small, large, side = either(is_a, (a, b, 1.0), (b, a, -1.0))
     along = small.axis.dot(n) * side
     end = small.center - small.axis * where(along < 0.0, -small.half, small.half)
     for direction in (across.u, across.v + across.u * ASKEW):
@@ -156,17 +155,8 @@ def _on_end(middle: Vec3, half: Vec3, roller: Roller, across: Across, side: Scal
     begin, end = course.over(roller.radius)
     there = (maximum(begin, -1.0) <= minimum(end, 1.0)) & is_upright
     for t in (begin, end):
-        t = minimum(maximum(t, -1.0), 1.0)
+        t = clamped(t)
         size = ((course.z[0] + course.z[1] * t) * up - roller.half) * rate
         p = across.of_vector(middle + half * t)
         places.append(Place(size, Vec3(p.x, p.y, p.z - (0.5 * side) * size)).only(there))
     return places
-
-
-def _one_of(mask: Scalar, a: Roller, b: Roller) -> Roller:
-    center, axis = either(mask, a.center, b.center), either(mask, a.axis, b.axis)
-    return Roller(center, axis, where(mask, a.radius, b.radius), where(mask, a.half, b.half))
-
-
-def _numbers(touches: list[Touch]) -> list[Scalar]:
-    return [x for touch in touches for x in (touch.size, *touch.normal, *touch.point)]

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, absolute, given, maximum, minimum, where
+from articulated.scalar import Scalar, absolute, either, given, maximum, minimum, where
 from articulated.simulation.contact.narrow.placed import FAR, Block, Touch
 from articulated.spatial import Vec3
 
@@ -53,21 +53,10 @@ class Axes:
     def of(block: Block) -> Axes:
         return Axes(block.center, block.R.T.rows, block.half)
 
-    def or_else(self, other: Axes, mask: Scalar) -> Axes:
-        """The other where the mask holds."""
-        center = either(mask, other.center, self.center)
-        axes = tuple(either(mask, x, y) for x, y in zip(other.axes, self.axes, strict=True))
-        return Axes(center, axes, tuple(where(mask, x, y) for x, y in zip(other.half, self.half, strict=True)))
-
     def from_axis(self, k: Scalar) -> Axes:
         """The same with its axes counted from the k-th."""
-        is_first, is_second = k < 0.5, k < 1.5
-        axes, half = [], []
-        for i in range(3):
-            (x, y, z), (p, q, r) = ([of[(i + j) % 3] for j in range(3)] for of in (self.axes, self.half))
-            axes.append(either(is_first, x, either(is_second, y, z)))
-            half.append(where(is_first, p, where(is_second, q, r)))
-        return Axes(self.center, tuple(axes), tuple(half))
+        first, second, third = ((self.axes[i:] + self.axes[:i], self.half[i:] + self.half[:i]) for i in range(3))
+        return Axes(self.center, *either(k < 0.5, first, either(k < 1.5, second, third)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,18 +67,12 @@ class _Place:
     beta: Scalar
     value: Scalar
 
-    def or_else(self, other: _Place, mask: Scalar) -> _Place:
-        """The other where the mask holds."""
-        of = [(other.alpha, self.alpha), (other.beta, self.beta), (other.value, self.value)]
-        return _Place(*(where(mask, x, y) for x, y in of))
-
 
 def largest(values: Sequence[Scalar]) -> tuple[Scalar, Scalar]:
     """The largest of some numbers, or one before it that is almost as large, and which it is."""
     best, which = values[0], 0.0
     for k, value in enumerate(values[1:], 1):
-        better = value > best + PREFERENCE
-        best, which = where(better, value, best), where(better, float(k), which)
+        best, which = either(value > best + PREFERENCE, (value, float(k)), (best, which))
     return best, which
 
 
@@ -102,7 +85,7 @@ def faces(A: Axes, B: Axes, which: Scalar, towards: Vec3) -> tuple[list[Touch], 
         towards: from b to a.
     """
     of_b = which > 2.5
-    base, other = A.or_else(B, of_b), B.or_else(A, of_b)
+    base, other = either(of_b, (B, A), (A, B))
     base = base.from_axis(where(of_b, which - 3.0, which))
     n, u, v = base.axes
     normal = n * where(n.dot(towards) < 0.0, -1.0, 1.0)
@@ -158,22 +141,21 @@ class _Patch:
         # nothing on one side: a triangle, or there is more beyond its other sides
         no_left, no_right = by_left <= 0.0, by_right <= 0.0
         is_one_sided = (minimum(by_left, by_right) <= 0.0) & (maximum(by_left, by_right) > 0.0)
-        apex, side = left.or_else(right, no_left), where(no_left, -1.0, 1.0)
-        none = [apex.alpha, apex.beta, -1.0]
-        alpha, beta, by = given(is_one_sided, lambda: self._outside(one, two, apex, side), none)
-        extra = _Place(alpha, beta, by)
-        places = [one, two, left.or_else(extra, no_left), right.or_else(extra, no_right)]
-        return places, [True, base > _SAME, where(no_left, by, by_left) > 0.0, where(no_right, by, by_right) > 0.0]
+        apex, side = either(no_left, (right, -1.0), (left, 1.0))
+        none = apex, -1.0
+        extra = given(is_one_sided, lambda: self._outside(one, two, apex, side), none)
+        left, by_left = either(no_left, extra, (left, by_left))
+        right, by_right = either(no_right, extra, (right, by_right))
+        return [one, two, left, right], [True, base > _SAME, by_left > 0.0, by_right > 0.0]
 
-    def _outside(self, one: _Place, two: _Place, apex: _Place, side: Scalar) -> list[Scalar]:
-        """Beyond the other sides of a triangle, whose apex is on this side of its base: α, β and by how much."""
+    def _outside(self, one: _Place, two: _Place, apex: _Place, side: Scalar) -> tuple[_Place, Scalar]:
+        """Beyond the other sides of a triangle, whose apex is on this side of its base; and by how much."""
         found = []
         for corner, turn in ((one, -side), (two, side)):
             u, v = self._from(corner, apex)
             found.append(self._beyond(self._form(Vec3(0.0, -(v * turn), u * turn)), apex, u * u + v * v))
-        (place, by), (other, by_other) = found
-        place = place.or_else(other, by_other > by)
-        return [place.alpha, place.beta, maximum(by, by_other)]
+        first, second = found
+        return either(second[1] > first[1], second, first)
 
     def _from(self, a: _Place, b: _Place) -> tuple[Scalar, Scalar]:
         """From one place to another, along u and v."""
@@ -194,7 +176,7 @@ class _Patch:
         best = start
         for alpha, beta, is_there in (*found, *self._corners()):
             place = _Place(alpha, beta, _value(form, alpha, beta))
-            best = best.or_else(place, (place.value > best.value) & is_there)
+            best = either((place.value > best.value) & is_there, place, best)
         return best
 
     def _form(self, direction: Vec3) -> Vec3:
@@ -231,8 +213,3 @@ class _Patch:
 def _value(form: Vec3, alpha: Scalar, beta: Scalar) -> Scalar:
     """Of a form at a place."""
     return form.x + form.y * alpha + form.z * beta
-
-
-def either(mask: Scalar, x: Vec3, y: Vec3) -> Vec3:
-    """One of two vectors."""
-    return Vec3(*(where(mask, p, q) for p, q in zip(x, y, strict=True)))

@@ -22,8 +22,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, absolute, given, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.blocks import FARTHEST, PREFERENCE, Axes, either, faces, largest
+from articulated.scalar import Scalar, absolute, either, given, maximum, minimum, sqrt, where
+from articulated.simulation.contact.narrow.blocks import FARTHEST, PREFERENCE, Axes, faces, largest
+from articulated.simulation.contact.narrow.lines import clamped
 from articulated.simulation.contact.narrow.placed import FAR, Block, Rod, Touch
 from articulated.spatial import Mat3, Vec3
 
@@ -145,15 +146,15 @@ class _Slabs:
         (begin, end), weight_begin, weight_end = slabs[0], self.weights[0], self.weights[0]
         for (b, e), weight in zip(slabs[1:], self.weights[1:], strict=True):
             later, sooner = b > begin, e < end
-            begin, weight_begin = where(later, b, begin), where(later, weight, weight_begin)
-            end, weight_end = where(sooner, e, end), where(sooner, weight, weight_end)
+            begin, weight_begin = either(later, (b, weight), (begin, weight_begin))
+            end, weight_end = either(sooner, (e, weight), (end, weight_end))
         # if no place is in all slabs, two of them pull at it, and perhaps the third
         t = (weight_begin * begin + weight_end * end) / (weight_begin + weight_end)
         w = self.weights
         pull = [weight * minimum(maximum(t, b), e) for (b, e), weight in zip(slabs, w, strict=True)]
         t = (pull[0] + pull[1] + pull[2]) / (w[0] + w[1] + w[2])
         shared = begin < end
-        return 0.5 * (_clamped(where(shared, begin, t)) + _clamped(where(shared, end, t)))
+        return 0.5 * (clamped(where(shared, begin, t)) + clamped(where(shared, end, t)))
 
     def ends(self, beyond: list[Scalar], face: _Face) -> tuple[Scalar, Scalar]:
         """Where the part over a face begins and ends, for a nearest point so far beyond the faces.
@@ -165,10 +166,6 @@ class _Slabs:
             b, e = self.bounds(k, 2.0 * maximum(beyond[k], 0.0) + _WIDE * face.weights[k])
             begin, end = maximum(begin, b), minimum(end, e)
         return begin, end
-
-
-def _clamped(t: Scalar) -> Scalar:
-    return minimum(maximum(t, -1.0), 1.0)
 
 
 def block_block(a: Block, b: Block) -> list[Touch]:
@@ -188,14 +185,10 @@ def block_block(a: Block, b: Block) -> list[Touch]:
     touches, is_over = faces(A, B, where(cross, face_of_edges, face), either(cross, normal, apart))
     cross = cross & (aligned < where(is_over, _ALIGNED, 2.0))
 
-    def crossing() -> list[Scalar]:
-        touch = _crossing(*edges, normal)
-        return [*touch.normal, *touch.point, touch.size, FAR, FAR, FAR]
-
-    first = touches[0]
-    numbers = given(cross, crossing, [*first.normal, *first.point, *(touch.size for touch in touches)])
-    points = [Vec3.of(numbers[3:6]), *(touch.point for touch in touches[1:])]
-    return [Touch(size, Vec3.of(numbers[:3]), point) for size, point in zip(numbers[6:], points, strict=True)]
+    first, *others = touches
+    none = first, [touch.size for touch in others]
+    first, sizes = given(cross, lambda: (_crossing(*edges, normal), [FAR] * len(others)), none)
+    return [first, *(Touch(size, first.normal, touch.point) for size, touch in zip(sizes, others, strict=True))]
 
 
 def _best_face(A: Axes, B: Axes, C: list[list[Scalar]], apart: Vec3) -> tuple[Scalar, Scalar]:

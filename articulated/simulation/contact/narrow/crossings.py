@@ -17,9 +17,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.arcs import least
-from articulated.simulation.contact.narrow.reduction import either
+from articulated.scalar import Scalar, either, given, least, maximum, sqrt, where
+from articulated.simulation.contact.narrow.lines import nearest
 from articulated.spatial import Vec3
 
 _LEVEL = 1e-7
@@ -47,14 +46,12 @@ class _Front:
     @staticmethod
     def of(heights: Sequence[Scalar], points: Sequence[Vec3]) -> _Front:
         """The two lowest, if they are as low as each other."""
-        low, x, next_low, y = heights[0], points[0], heights[1], points[1]
-        swapped = next_low < low
-        low, next_low = where(swapped, next_low, low), where(swapped, low, next_low)
-        x, y = either(swapped, y, x), either(swapped, x, y)
-        for height, point in zip(heights[2:], points[2:], strict=True):
-            lower, second = height < low, height < next_low
-            next_low, y = where(lower, low, where(second, height, next_low)), either(lower, x, either(second, point, y))
-            low, x = where(lower, height, low), either(lower, point, x)
+        first, second, *others = zip(heights, points, strict=True)
+        first, second = either(second[0] < first[0], (second, first), (first, second))
+        for new in others:
+            lower, is_second = new[0] < first[0], new[0] < second[0]
+            first, second = either(lower, new, first), either(lower, first, either(is_second, new, second))
+        (low, x), (next_low, y) = first, second
         return _Front(low, x, either(next_low - low < _LEVEL, y, x))
 
 
@@ -79,11 +76,11 @@ def turned(n: Vec3, a: Sequence[Vec3], b: Sequence[Vec3], steps: int) -> Vec3:
     new = (n * r + m) * (1.0 / sqrt(1.0 + r * r))
     better = is_beside & (least([new.dot(x) for x in a]) + least([-new.dot(x) for x in b]) > apart)
     n = either(better, new, n)
-    return Vec3(*given(better, lambda: [*turned(n, a, b, steps - 1)], [*n]))
+    return given(better, lambda: turned(n, a, b, steps - 1), n)
 
 
 def _between(front: _Front, other: _Front, n: Vec3) -> tuple[Vec3, Vec3, Vec3]:
-    """Seen along the normal, the nearest points of two edges: from one to the other, and where on each (Ericson 5.1.9)."""
+    """Seen along the normal, the nearest points of two edges: from one to the other, and where on each."""
 
     def across(x: Vec3) -> Vec3:
         return x - n * n.dot(x)
@@ -91,11 +88,5 @@ def _between(front: _Front, other: _Front, n: Vec3) -> tuple[Vec3, Vec3, Vec3]:
     e, f, w = across(front.y - front.x), across(other.y - other.x), across(front.x - other.x)
     ee, ff, ef, ew, fw = e.dot(e), f.dot(f), e.dot(f), e.dot(w), f.dot(w)
     ee, ff = maximum(ee, _TINY), maximum(ff, _TINY)
-    s = _clamped((ef * fw - ew * ff) / maximum(ee * ff - ef * ef, 1e-9 * ee * ff))
-    t = _clamped((ef * s + fw) / ff)
-    s = _clamped((ef * t - ew) / ee)
+    s, t = nearest(ee, ff, ef, ew, fw, low=0.0)
     return w + e * s - f * t, front.x + (front.y - front.x) * s, other.x + (other.y - other.x) * t
-
-
-def _clamped(t: Scalar) -> Scalar:
-    return minimum(maximum(t, 0.0), 1.0)

@@ -14,9 +14,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, absolute, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.placed import Roller
-from articulated.simulation.contact.narrow.reduction import Across, either
+from articulated.scalar import Scalar, absolute, either, maximum, minimum, sqrt, where
+from articulated.simulation.contact.narrow.placed import Roller, Touch
+from articulated.simulation.contact.narrow.reduction import Across
 from articulated.spatial import Vec3
 
 _STEPS = 5
@@ -43,6 +43,13 @@ def distance(roller: Roller, point: Vec3) -> tuple[Scalar, Vec3]:
     along = where(is_rim, above / from_rim, where(is_side, 0.0, 1.0))
     size = where(is_rim, from_rim, maximum(beside, above))
     return size, outward * part + roller.axis * where(z < 0.0, -along, along)
+
+
+def ball(roller: Roller, center: Vec3, radius: Scalar) -> Touch:
+    """Where a ball touches a cylinder; the normal goes from this to the ball."""
+    size, normal = distance(roller, center)
+    size = size - radius
+    return Touch(size, normal, center - normal * (radius + 0.5 * size))
 
 
 def reach(roller: Roller, n: Vec3) -> Scalar:

@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, absolute, maximum, minimum, where
+from articulated.scalar import Scalar, absolute, either, greatest, maximum, minimum, where
 from articulated.simulation.contact.narrow.reduction import Across, Place
 from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Vec3
@@ -88,9 +88,7 @@ def facet(solid: Solid, axes: Across, shift: Vec3, side: float) -> Facet:
     """
     corners = [shift + axes.of_vector(vertex) for vertex in solid.vertices]
     heights = [side * corner.z for corner in corners]
-    highest = heights[0]
-    for height in heights[1:]:
-        highest = maximum(highest, height)
+    highest = greatest(heights)
     scale = _LEVEL * solid.size
     weights = [scale / (scale + highest - height) for height in heights]
     best, most = None, 0.0
@@ -98,18 +96,15 @@ def facet(solid: Solid, axes: Across, shift: Vec3, side: float) -> Facet:
         cosine = side * axes.n.dot(n)
         value = where(cosine > _STEEPEST, sum((weights[i] for i in dict.fromkeys(ring)), _FLAT * cosine), -1.0)
         ring = ring if side > 0.0 else ring[::-1]
-        face = [*n, offset, *(x for i in ring for x in (corners[i].x, corners[i].y))]
-        if best is None:
-            best, most = face, value
-            continue
-        more = value > most
-        best, most = [where(more, x, y) for x, y in zip(face, best, strict=True)], where(more, value, most)
+        face = n, offset, [(corners[i].x, corners[i].y) for i in ring]
+        best, most = (face, value) if best is None else either(value > most, (face, value), (best, most))
     assert best is not None
-    plane = axes.of_vector(Vec3.of(best[:3]))
+    n, offset, ring = best
+    plane = axes.of_vector(n)
     steep = side / maximum(side * plane.z, 0.1 * _STEEPEST)
     slopes = (-(plane.x * steep), -(plane.y * steep))
-    level = shift.z + best[3] * steep - (slopes[0] * shift.x + slopes[1] * shift.y)
-    return Facet(list(zip(best[4::2], best[5::2], strict=True)), level, slopes)
+    level = shift.z + offset * steep - (slopes[0] * shift.x + slopes[1] * shift.y)
+    return Facet(ring, level, slopes)
 
 
 def reach_above(solid: Solid, axes: Across, shift: Vec3, u: Scalar, v: Scalar, side: float) -> Scalar:
@@ -137,7 +132,7 @@ def overlap(upper: Facet, lower: Facet) -> list[Place]:
         places += [place(u + along_u * t, v + along_v * t, is_there) for t in (begin, end)]
     sides = upper.sides()
     for u, v in lower.ring:
-        places.append(place(u, v, _farthest([side.beyond(u, v) for side in sides]) <= 0.0))
+        places.append(place(u, v, greatest([side.beyond(u, v) for side in sides]) <= 0.0))
     return places
 
 
@@ -165,10 +160,3 @@ def clipped(here: Sequence[Scalar], there: Sequence[Scalar]) -> tuple[Scalar, Sc
         t = x / (fall + where(enters, _SLIGHT, -_SLIGHT))
         begin, end = maximum(begin, where(enters, t, 0.0)), minimum(end, where(enters, 1.0, t))
     return minimum(begin, 1.0), maximum(end, 0.0), begin <= end
-
-
-def _farthest(values: Sequence[Scalar]) -> Scalar:
-    most = values[0]
-    for value in values[1:]:
-        most = maximum(most, value)
-    return most

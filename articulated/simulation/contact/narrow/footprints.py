@@ -17,7 +17,7 @@ import math
 from articulated.scalar import absolute, given, maximum, minimum, sqrt, where
 from articulated.simulation.contact.narrow.facets import Facet, facet, line_over
 from articulated.simulation.contact.narrow.placed import FAR, Block, Hull, Roller, Touch
-from articulated.simulation.contact.narrow.reduction import ASKEW, LOWER, Across, Place, flat, four, unflat
+from articulated.simulation.contact.narrow.reduction import ASKEW, LOWER, Across, Place, four
 from articulated.simulation.contact.narrow.rims import meeting_of
 from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Vec3
@@ -43,7 +43,7 @@ def roller_solid(a: Roller, b: Hull | Block) -> list[Touch]:
     places.append(Place(size, Vec3(edge.x, edge.y, edge.z + 0.5 * size)).only(meeting.on_edge & is_lower))
     lying = [*places, places[0].only(False)]
     is_tilted = absolute(footprint.a.z) > TILTED
-    places = unflat(given(is_tilted, lambda: flat(four([*places, *footprint.standing()])), flat(lying)))
+    places = given(is_tilted, lambda: four([*places, *footprint.standing()]), lying)
     world = across.turned(R)
     return [Touch(place.size, world.n, center + world.vector(place.point)) for place in places]
 
@@ -72,9 +72,8 @@ class _Footprint:
 
     def standing(self) -> list[Place]:
         """Of its lower end."""
-        nowhere = flat([Place(FAR, self.end)] * 4)
-        lines = unflat(given(absolute(self.a.z) > UPRIGHT, lambda: flat(self._lines_across()), nowhere))
-        return lines + self._sides()
+        nowhere = [Place(FAR, self.end)] * 4
+        return given(absolute(self.a.z) > UPRIGHT, self._lines_across, nowhere) + self._sides()
 
     def _lines_across(self) -> list[Place]:
         """Of two lines across the lower end, along the directions that `four` looks in as nearly as can be."""

@@ -3,8 +3,8 @@
 Two of them touch along the normal that `arcs` and `crossings` find, in up to four points of the overlap of the faces that look
 at each other along it (see `facets`); a box is a polyhedron too. If that normal is not the best, one may be below all of the
 other where they are told to be deep in each other: that is looked at. A ball is as far away as from the best face, or if it is
-not over that, from the nearest edge. So is a capsule, which rests on the ends of what of it is over the face. Lines that are
-nearest to each other are those of Ericson, Real-Time Collision Detection (2005), 5.1.9. Of cylinders see `rims`.
+not over that, from the nearest edge. So is a capsule, which rests on the ends of what of it is over the face. Of cylinders see
+`rims`.
 
 symbol   meaning
 c, d     middle and half of a rod's line, in the polyhedron's axes
@@ -12,13 +12,14 @@ c, d     middle and half of a rod's line, in the polyhedron's axes
 
 from __future__ import annotations
 
-from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.arcs import Axis, best_axis, best_face, least
+from articulated.scalar import Scalar, either, given, least, maximum, minimum, sqrt, where
+from articulated.simulation.contact.narrow.arcs import Axis, best_axis, best_face
 from articulated.simulation.contact.narrow.crossings import turned
 from articulated.simulation.contact.narrow.facets import facet, line_over, overlap, reach_above
 from articulated.simulation.contact.narrow.footprints import roller_solid
+from articulated.simulation.contact.narrow.lines import clamped, nearest
 from articulated.simulation.contact.narrow.placed import FAR, Block, Hull, Rod, Roller, Touch
-from articulated.simulation.contact.narrow.reduction import LOWER, Across, Place, either, four
+from articulated.simulation.contact.narrow.reduction import LOWER, Across, Place, four
 from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Mat3, Vec3
 
@@ -28,7 +29,6 @@ _DEEP = 0.02
 """A depth that might be none: as a part of the sizes of both."""
 _STEPS = 2
 """How often a normal is turned."""
-_PARALLEL = 1e-9
 _TINY = 1e-24
 
 
@@ -40,7 +40,7 @@ def hull_rod(a: Hull, b: Rod) -> list[Touch]:
     axis = best_face(solid, ends)
     edge, point = _of_edge(solid, c, d, ends)
     on_edge = edge.size > axis.size
-    axis = axis.or_else(edge, on_edge)
+    axis = either(on_edge, edge, axis)
     size = axis.size - b.radius
     if d is None:
         point = c - axis.normal * (b.radius + 0.5 * size)
@@ -49,9 +49,9 @@ def hull_rod(a: Hull, b: Rod) -> list[Touch]:
     face, low = facet(solid, across, Vec3.zero(), 1.0), Vec3(0.0, 0.0, b.radius)
     places = line_over(face, *(across.of_vector(end) - low for end in ends))
     is_lower = size < minimum(places[0].size, places[1].size) - LOWER
-    nearest = Place(size, across.of_vector(point + axis.normal * (0.5 * size))).only(on_edge & is_lower)
+    lowest = Place(size, across.of_vector(point + axis.normal * (0.5 * size))).only(on_edge & is_lower)
     world = across.turned(a.R)
-    return [Touch(place.size, -world.n, a.center + world.vector(place.point)) for place in (nearest, *places)]
+    return [Touch(place.size, -world.n, a.center + world.vector(place.point)) for place in (lowest, *places)]
 
 
 def hull_block(a: Hull, b: Block) -> list[Touch]:
@@ -79,14 +79,14 @@ def _solid_solid(a: Hull, b: Hull | Block) -> list[Touch]:
 
     deepest = places[0]
     for place in places[1:]:
-        deepest = deepest.or_else(place, place.size < deepest.size)
+        deepest = either(place.size < deepest.size, place, deepest)
     u, v, _ = deepest.point
 
-    def common() -> list[Scalar]:
+    def common() -> Scalar:
         """Of the line along the normal there: from where it enters b to where it leaves a."""
-        return [reach_above(A, on_a, shift, u, v, 1.0) - reach_above(B, across, Vec3.zero(), u, v, -1.0)]
+        return reach_above(A, on_a, shift, u, v, 1.0) - reach_above(B, across, Vec3.zero(), u, v, -1.0)
 
-    (between,) = given(deepest.size < -_DEEP * (A.size + B.size), common, [0.0])
+    between = given(deepest.size < -_DEEP * (A.size + B.size), common, 0.0)
     world, touches = across.turned(b.R), []
     for place in places:
         u, v, _ = place.point
@@ -103,7 +103,7 @@ def _normal(A: Solid, B: Solid, R: Mat3, c: Vec3) -> Vec3:
     is_of_a = of_a.size > of_b.size + _PREFERENCE
     n = either(is_of_a, -(R @ of_a.normal), of_b.normal)
     # over a face there is none better
-    return Vec3(*given(where(is_of_a, beyond_a, beyond_b) > 0.0, lambda: [*turned(n, corners, B.vertices, _STEPS)], [*n]))
+    return given(where(is_of_a, beyond_a, beyond_b) > 0.0, lambda: turned(n, corners, B.vertices, _STEPS), n)
 
 
 def _of_edge(solid: Solid, c: Vec3, d: Vec3 | None, ends: list[Vec3]) -> tuple[Axis, Vec3]:
@@ -114,8 +114,7 @@ def _of_edge(solid: Solid, c: Vec3, d: Vec3 | None, ends: list[Vec3]) -> tuple[A
     for i, j in others:
         p, q = _nearest(c, d, solid.vertices[i], solid.vertices[j])
         other = (p - q).dot(p - q)
-        nearer = other < square
-        x, y, square = either(nearer, p, x), either(nearer, q, y), where(nearer, other, square)
+        x, y, square = either(other < square, (p, q, other), (x, y, square))
     n = (x - y) * (1.0 / sqrt(maximum(square, _TINY)))
     size = least([n.dot(end) for end in ends]) + least([-n.dot(vertex) for vertex in solid.vertices])
     return Axis(where(square > _TINY, size, -FAR), n), y
@@ -126,12 +125,6 @@ def _nearest(c: Vec3, d: Vec3 | None, p: Vec3, q: Vec3) -> tuple[Vec3, Vec3]:
     m, e = (p + q) * 0.5, (q - p) * 0.5
     r, ee = c - m, e.dot(e)
     if d is None:
-        return c, m + e * _clamped(e.dot(r) * (1.0 / ee))
-    dd, de, dr, er = d.dot(d), d.dot(e), d.dot(r), e.dot(r)
-    s = _clamped((de * er - dr * ee) / maximum(dd * ee - de * de, _PARALLEL * ee * dd))
-    t = _clamped((de * s + er) * (1.0 / ee))
-    return c + d * _clamped((de * t - dr) / dd), m + e * t
-
-
-def _clamped(t: Scalar) -> Scalar:
-    return minimum(maximum(t, -1.0), 1.0)
+        return c, m + e * clamped(e.dot(r) * (1.0 / ee))
+    s, t = nearest(d.dot(d), ee, d.dot(e), d.dot(r), e.dot(r))
+    return c + d * s, m + e * t

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from articulated.scalar import Scalar, absolute, minimum, sqrt, where
+from articulated.scalar import Scalar, absolute, either, minimum, sqrt, where
 from articulated.simulation.contact.narrow.placed import FAR
 from articulated.spatial import Mat3, Vec3
 
@@ -82,10 +82,6 @@ class Place:
         """The same, where a mask holds."""
         return Place(where(there, self.size, FAR), self.point)
 
-    def or_else(self, other: Place, mask: Scalar) -> Place:
-        """The other where a mask holds."""
-        return Place(where(mask, other.size, self.size), either(mask, other.point, self.point))
-
 
 def four(places: Sequence[Place]) -> list[Place]:
     """Four of them; those that would be told twice, or add nothing, are far."""
@@ -116,30 +112,15 @@ def _with_lowest(chosen: list[Place], lowest: Place) -> list[Place]:
     low, highest, which = chosen[0].size, chosen[0].size, 0.0
     for k, place in enumerate(chosen[1:]):
         higher = place.size > highest
-        low, highest, which = minimum(low, place.size), where(higher, place.size, highest), where(higher, k + 1.0, which)
+        low = minimum(low, place.size)
+        highest, which = either(higher, (place.size, k + 1.0), (highest, which))
     which = where(lowest.size < low - LOWER + _DEEPER * minimum(low, 0.0), which, -1.0)
-    return [place.or_else(lowest, absolute(which - k) < 0.5) for k, place in enumerate(chosen)]
-
-
-def flat(places: Sequence[Place]) -> list[Scalar]:
-    """Their numbers."""
-    return [x for place in places for x in (place.size, *place.point)]
-
-
-def unflat(numbers: Sequence[Scalar]) -> list[Place]:
-    """The reverse."""
-    return [Place(numbers[k], Vec3.of(numbers[k + 1 : k + 4])) for k in range(0, len(numbers), 4)]
-
-
-def either(mask: Scalar, a: Vec3, b: Vec3) -> Vec3:
-    """One of two vectors."""
-    return Vec3(*(where(mask, x, y) for x, y in zip(a, b, strict=True)))
+    return [either(absolute(which - k) < 0.5, lowest, place) for k, place in enumerate(chosen)]
 
 
 def _first(places: Sequence[Place], values: Sequence[Scalar]) -> Place:
     """The place with the largest value, the first of equals."""
     best, most = places[0], values[0]
     for place, value in zip(places[1:], values[1:], strict=True):
-        more = value > most
-        best, most = best.or_else(place, more), where(more, value, most)
+        best, most = either(value > most, (place, value), (best, most))
     return best

@@ -19,12 +19,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from articulated.scalar import Scalar, given, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.arcs import Axis, Side, farthest, least, sides
+from articulated.scalar import Scalar, either, given, least, maximum, minimum, sqrt, where
+from articulated.simulation.contact.narrow.arcs import Axis, Side, farthest, sides
 from articulated.simulation.contact.narrow.cylinders import Course, distance, reach
 from articulated.simulation.contact.narrow.facets import TOLERANCE, clipped
 from articulated.simulation.contact.narrow.placed import FAR, Roller
-from articulated.simulation.contact.narrow.reduction import either
 from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Vec3
 
@@ -58,22 +57,17 @@ def meeting_of(roller: Roller, solid: Solid) -> Meeting:
     face = None
     for n, offset in solid.faces:
         axis = Axis(n.dot(roller.center) - offset - reach(roller, n), n)
-        face = axis if face is None else face.or_else(axis, axis.size > face.size)
+        face = axis if face is None else either(axis.size > face.size, axis, face)
     assert face is not None
     best = face
     for axis in (_of_end(roller, solid.vertices), _of_side(roller, solid.vertices)):
-        best = best.or_else(axis, axis.size > best.size + _PREFERENCE)
+        best = either(axis.size > best.size + _PREFERENCE, axis, best)
     corner = lowest(roller, face.normal)
     side = farthest(sides(solid, face, corner))
-
-    def edge() -> list[Scalar]:
-        axis, point = _of_rim(roller, solid, face, side, corner)
-        return [axis.size, *axis.normal, *point]
-
-    size, *rest = given(side.beyond > 0.0, edge, [-FAR, *face.normal, *corner])
-    axis = Axis(size, Vec3.of(rest[:3]))
-    on_edge = size > best.size + _PREFERENCE
-    return Meeting(best.or_else(axis, on_edge), Vec3.of(rest[3:]), on_edge)
+    none = Axis(-FAR, face.normal), corner
+    axis, point = given(side.beyond > 0.0, lambda: _of_rim(roller, solid, face, side, corner), none)
+    on_edge = axis.size > best.size + _PREFERENCE
+    return Meeting(either(on_edge, axis, best), point, on_edge)
 
 
 def lowest(roller: Roller, n: Vec3) -> Vec3:
@@ -108,8 +102,7 @@ def _of_side(roller: Roller, vertices: Sequence[Vec3]) -> Axis:
     points = [(height - n.dot(x), along - m.dot(x)) for x in vertices]
     h, w = points[0]
     for x, y in points[1:]:
-        nearer = x < h
-        h, w = where(nearer, x, h), where(nearer, y, w)
+        h, w = either(x < h, (x, y), (h, w))
     turn = where(w < 0.0, -1.0, 1.0)
     w = w * turn
     is_beyond = w > _SLIGHT

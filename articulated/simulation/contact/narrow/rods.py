@@ -1,18 +1,17 @@
 """Balls and capsules against each other: lines between two ends, with a radius.
 
-The nearest points of two lines are those of Ericson, Real-Time Collision Detection (2005), 5.1.9. Lines that are almost
-parallel have them now at one end, now at the other: two capsules that lie on each other would rock. So they also touch where
-their overlap begins and where it ends.
+Lines that are almost parallel have their nearest points now at one end, now at the other: two capsules that lie on each other
+would rock. So they also touch where their overlap begins and where it ends.
 """
 
 from __future__ import annotations
 
-from articulated.scalar import Scalar, maximum, minimum, sqrt, where
+from articulated.scalar import Scalar, either, maximum, sqrt, where
+from articulated.simulation.contact.narrow.lines import clamped, nearest
 from articulated.simulation.contact.narrow.placed import Rod, Touch
 from articulated.spatial import Vec3
 
 _TINY = 1e-24
-_PARALLEL = 1e-9
 
 
 def rod_rod(a: Rod, b: Rod) -> list[Touch]:
@@ -36,7 +35,7 @@ def touch_between(x: Vec3, y: Vec3, radius_a: float, radius_b: float, otherwise:
     distance = sqrt(square)
     is_apart = square > _TINY
     scale = 1.0 / where(is_apart, distance, sqrt(maximum(otherwise.dot(otherwise), _TINY)))
-    normal = Vec3(*(where(is_apart, p, q) * scale for p, q in zip(apart, otherwise, strict=True)))
+    normal = either(is_apart, apart, otherwise) * scale
     size = distance - (radius_a + radius_b)
     return Touch(size, normal, y + normal * (radius_b + 0.5 * size))
 
@@ -54,7 +53,7 @@ def _along(rod: Rod, s: Scalar) -> Vec3:
 
 def _nearest(rod: Rod, point: Vec3) -> Scalar:
     assert rod.half is not None
-    return _clamped(rod.half.dot(point - rod.center) / rod.half.dot(rod.half))
+    return clamped(rod.half.dot(point - rod.center) / rod.half.dot(rod.half))
 
 
 def _closest(a: Rod, b: Rod) -> tuple[Scalar, Scalar]:
@@ -64,11 +63,4 @@ def _closest(a: Rod, b: Rod) -> tuple[Scalar, Scalar]:
     r = a.center - b.center
     aa, bb, ab = a.half.dot(a.half), b.half.dot(b.half), a.half.dot(b.half)
     ar, br = a.half.dot(r), b.half.dot(r)
-    determinant = aa * bb - ab * ab
-    s = _clamped((ab * br - ar * bb) / maximum(determinant, _PARALLEL * aa * bb))
-    t = _clamped((ab * s + br) / bb)
-    return _clamped((ab * t - ar) / aa), t
-
-
-def _clamped(s: Scalar) -> Scalar:
-    return minimum(maximum(s, -1.0), 1.0)
+    return nearest(aa, bb, ab, ar, br)

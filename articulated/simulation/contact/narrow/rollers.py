@@ -7,12 +7,12 @@ cylinder on it rolls or stands as on any other (see `rims` and `footprints`).
 
 from __future__ import annotations
 
-from articulated.scalar import Scalar, absolute, maximum, minimum, where
+from articulated.scalar import absolute, either, maximum, minimum, where
 from articulated.simulation.contact.narrow.axles import roller_roller
-from articulated.simulation.contact.narrow.cylinders import Course, distance
+from articulated.simulation.contact.narrow.cylinders import Course, ball
 from articulated.simulation.contact.narrow.footprints import roller_solid
+from articulated.simulation.contact.narrow.lines import clamped
 from articulated.simulation.contact.narrow.placed import FAR, Block, Rod, Roller, Touch
-from articulated.spatial import Vec3
 
 __all__ = ["rod_roller", "roller_block", "roller_roller"]
 
@@ -23,15 +23,15 @@ _ON_END = 0.7
 def rod_roller(a: Rod, b: Roller) -> list[Touch]:
     """The points of a rod and a cylinder: one if it is a ball, else three."""
     if a.half is None:
-        return [_ball(b, a.center, a.radius)]
+        return [ball(b, a.center, a.radius)]
     course = Course.of(b, a.center, a.half)
     t = course.nearest(b.radius, b.half, course.middle(b.half))
-    nearest = _ball(b, a.center + a.half * t, a.radius)
+    nearest = ball(b, a.center + a.half * t, a.radius)
     on_end = absolute(nearest.normal.dot(b.axis)) > _ON_END
-    begin, end = (where(on_end, x, y) for x, y in zip(course.over(b.radius), course.beside(b.half), strict=True))
+    begin, end = either(on_end, course.over(b.radius), course.beside(b.half))
     touches, are_two = [nearest], maximum(begin, -1.0) < minimum(end, 1.0)
     for place in (begin, end):
-        touch = _ball(b, a.center + a.half * _clamped(place), a.radius)
+        touch = ball(b, a.center + a.half * clamped(place), a.radius)
         touches.append(Touch(where(are_two, touch.size, FAR), touch.normal, touch.point))
     return touches
 
@@ -39,13 +39,3 @@ def rod_roller(a: Rod, b: Roller) -> list[Touch]:
 def roller_block(a: Roller, b: Block) -> list[Touch]:
     """The points of a cylinder and a box, four of them; those that are not there are far."""
     return roller_solid(a, b)
-
-
-def _ball(roller: Roller, center: Vec3, radius: float) -> Touch:
-    size, normal = distance(roller, center)
-    size = size - radius
-    return Touch(size, normal, center - normal * (radius + 0.5 * size))
-
-
-def _clamped(t: Scalar) -> Scalar:
-    return minimum(maximum(t, -1.0), 1.0)
