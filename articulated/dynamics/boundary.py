@@ -6,12 +6,12 @@ What is wrong is said with its name, its shape, what was expected, the rig, and 
 from __future__ import annotations
 
 import operator
-from difflib import get_close_matches
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from articulated.rig import Link, Rig
+from articulated.rig.errors import did_you_mean
 
 GRAVITY = (0.0, 0.0, -9.81)
 """Standard gravity [m/s²], z up."""
@@ -84,9 +84,7 @@ def find_link(rig: Rig, link: str | int | Link) -> Link:
     if isinstance(link, str):
         if link in rig.links:
             return rig.links[link]
-        close = get_close_matches(link, rig.links, n=3)
-        hint = f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
-        raise ValueError(f"rig {rig.name!r} has no link {link!r}{hint}")
+        raise ValueError(f"rig {rig.name!r} has no link {link!r}{did_you_mean(link, rig.links)}")
     index = operator.index(link)
     if not -len(links) <= index < len(links):
         raise ValueError(f"link index is {index}; expected less than {len(links)} for rig {rig.name!r}")

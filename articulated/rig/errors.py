@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
+from difflib import get_close_matches
 
 
 class RigError(ValueError):
@@ -28,6 +30,12 @@ class RigError(ValueError):
 
 class RigWarning(UserWarning):
     """Something in a rig was dropped, guessed or looks like a mistake."""
+
+
+def did_you_mean(name: object, known: Iterable[str]) -> str:
+    """The end of a message about a name that is not known: those of the known ones that look like it, if any do."""
+    close = get_close_matches(str(name), list(known), n=3)
+    return f"; did you mean {' or '.join(map(repr, close))}?" if close else ""
 
 
 @dataclass(frozen=True)

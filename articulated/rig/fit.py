@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 
+from articulated.rig.errors import did_you_mean
 from articulated.rig.joint import KINDS
 from articulated.rig.loop import Loop
 from articulated.rig.rig import Rig
@@ -48,5 +48,4 @@ def is_world(rig: Rig, link: str | None) -> bool:
 
 
 def _unknown(rig: Rig, what: str, name: str | None, known: Mapping) -> str:
-    close = get_close_matches(str(name), known, n=3)
-    return f"rig {rig.name!r} has no {what} {name!r}" + (f"; did you mean {' or '.join(map(repr, close))}?" if close else "")
+    return f"rig {rig.name!r} has no {what} {name!r}{did_you_mean(name, known)}"

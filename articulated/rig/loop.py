@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from articulated.rig.errors import did_you_mean
 from articulated.rig.frames import is_pose, rotation_with_z_along
 
 _PLACE, _ABOUT = ("x", "y", "z"), ("about x", "about y", "about z")
@@ -83,9 +83,8 @@ class Loop:
 
     def __post_init__(self):
         if self.kind not in KINDS:
-            close = get_close_matches(str(self.kind), KINDS, n=1)
-            hint = f"; did you mean {close[0]!r}?" if close else ""
-            raise ValueError(f"kind of loop is {self.kind!r}; expected one of {', '.join(KINDS)}{hint}")
+            expected = f"expected one of {', '.join(KINDS)}{did_you_mean(self.kind, KINDS)}"
+            raise ValueError(f"kind of loop is {self.kind!r}; {expected}")
         if not self.name:
             between = "-".join(str(link or "world") for link in (self.link_a, self.link_b))
             object.__setattr__(self, "name", f"{self.kind} {between}")

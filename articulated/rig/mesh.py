@@ -7,14 +7,16 @@ its triangles must vanish. This holds too where more than two triangles meet in 
 from __future__ import annotations
 
 import sys
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from articulated.rig.description import FARTHEST, second_moment
-from articulated.rig.errors import Place
+from articulated.rig.errors import Place, RigWarning
 from articulated.rig.moments import Moments
+from articulated.rig.shapes import Mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -34,6 +36,14 @@ def is_mesh(given: object) -> bool:
     return known is not None and isinstance(given, known.Trimesh)
 
 
+def found_mesh(mesh: Mesh, where: str) -> Path | None:
+    """The file of a mesh that something touches with; None if there is none, which is warned of."""
+    if mesh.path is None:
+        text = f"mesh {mesh.filename!r} {where} was not found: it touches nothing; give load its mesh_dirs"
+        warnings.warn(text, RigWarning, stacklevel=2)  # once, however many ask
+    return mesh.path
+
+
 def read_mesh(path: Path) -> trimesh.Trimesh:
     """The triangles of a mesh file, all of a scene as one.
 
@@ -45,11 +55,13 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     if not path.is_file():
         raise ValueError(f"{path}: no such file; give the path of a mesh")
     try:
-        return trimesh.load(path, force="mesh")  # type: ignore[return-value]
+        mesh = trimesh.load(path, force="mesh")
+        reason = "" if len(mesh.faces) else "it has no triangles"  # type: ignore[union-attr]
     except Exception as error:  # readers of many formats fail in many ways
-        raise ValueError(
-            f"{path}: this mesh cannot be read ({type(error).__name__}: {error}); convert it to STL, OBJ or PLY"
-        ) from None
+        mesh, reason = None, f"{type(error).__name__}: {error}"
+    if reason:
+        raise ValueError(f"{path}: this mesh cannot be read ({reason}); convert it to STL, OBJ or PLY, or give other shapes")
+    return mesh  # type: ignore[return-value]
 
 
 def mesh_moments(mesh: trimesh.Trimesh, scale: np.ndarray, place: Place) -> Moments:

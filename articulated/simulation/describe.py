@@ -17,7 +17,7 @@ from articulated.rig.errors import RigWarning
 from articulated.scalar import flatten, rebuilt
 from articulated.simulation.actuation import PD, Gains, Stops, gains
 from articulated.simulation.contact.candidates import ContactPoint, candidates
-from articulated.simulation.contact.choosing import Selection, chosen, name_of
+from articulated.simulation.contact.choosing import chosen, name_of
 from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground, Material
 from articulated.simulation.contact.meeting import Pair
@@ -106,13 +106,13 @@ def _scene(
 
 def _with_pairs(scene: Scene, materials: list[Material], collisions: Collisions) -> tuple[Scene, list[Material]]:
     """A scene in which bodies touch each other too."""
-    rig, choice, names = scene.rig, chosen(scene.rig, collisions), Selection(scene.rig, collisions)
+    rig, choice = scene.rig, chosen(scene.rig, collisions)
     first, special = len(materials), list(collisions.materials)
     own = [collisions.material, *collisions.materials.values()]
     pairs = []
     for i, j in choice.pairs:
         links = name_of(rig, choice.pieces[i]), name_of(rig, choice.pieces[j])
-        matching = [k for k, pair in enumerate(special, 1) if names.match(links, [pair])]
+        matching = [k for k, pair in enumerate(special, 1) if choice.names.match(links, [pair])]
         a, b = (j, i) if choice.pieces[i].body(scene.mechanism) == WORLD else (i, j)
         pairs.append(Pair(a, b, first + max(matching, default=0)))
     rebounds = scene.rebounds or any(material.restitution > 0.0 for material in own)

@@ -293,7 +293,7 @@ class TestErrors:
         for name, text, message in (
             ("noise.stl", "solid noise", "noise.stl: this mesh"),
             ("mesh.xyzzy", "?", r"mesh\.xyzzy: this mesh cannot be read \(.*\); convert it to STL, OBJ or PLY"),
-            ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"points\.obj: this mesh has no triangles"),
+            ("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"points\.obj: this mesh cannot be read \(it has no triangles\)"),
         ):
             (tmp_path / name).write_text(text)
             with pytest.raises(ValueError, match=message):

@@ -167,7 +167,7 @@ class TestShapes:
         corners = np.abs(simulation.contacts(simulation.reset()).points)
         np.testing.assert_allclose(corners, np.tile([0.1, 0.15, 0.1], (6, 1)), atol=1e-7)
         (tmp_path / "box.stl").write_text("solid nonsense")
-        with pytest.raises(ValueError, match=r"box.stl: this mesh cannot be read .*; give its link other shapes"):
+        with pytest.raises(ValueError, match=r"box.stl: this mesh cannot be read .*, or give other shapes"):
             art.Simulation(art.load(tmp_path / "m.urdf", root="free"), ground=True)
 
     def test_links_by_name(self):

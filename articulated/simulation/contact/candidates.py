@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import itertools
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -20,7 +19,8 @@ import numpy as np
 
 from articulated.dynamics.boundary import find_link
 from articulated.rig import Box, Capsule, Cylinder, Link, Mesh, Rig, Shape, Sphere
-from articulated.rig.errors import RigWarning
+from articulated.rig.mesh import found_mesh
+from articulated.simulation.contact.polyhedra import corners_of_mesh
 
 _RIM_POINTS = 4
 MESH_POINTS = 6
@@ -104,30 +104,14 @@ def _of_shape(link: Link, shape: Shape) -> list[Candidate]:
 
 def _vertices(link: Link, mesh: Mesh) -> tuple[tuple[float, float, float], ...]:
     """What stands for a mesh."""
-    if mesh.path is None:
-        warnings.warn(
-            f"mesh {mesh.filename!r} of link {link.name!r} was not found: it touches nothing; give load its mesh_dirs",
-            RigWarning,
-            stacklevel=2,
-        )
-        return ()
-    return _farthest(mesh.path, mesh.path.stat().st_mtime_ns, mesh.scale)
+    path = found_mesh(mesh, f"of link {link.name!r}")
+    return () if path is None else _farthest(path, path.stat().st_mtime_ns, mesh.scale)
 
 
 @lru_cache(maxsize=1024)
 def _farthest(path: Path, _: int, scale: tuple[float, float, float]) -> tuple[tuple[float, float, float], ...]:
     """Vertices of a mesh's convex hull, each as far as can be from those before it (Gonzalez 1985)."""
-    import trimesh
-
-    try:
-        mesh = trimesh.load(path, force="mesh")
-        vertices = np.asarray(mesh.convex_hull.vertices, dtype=float) * scale  # type: ignore[union-attr]
-    except Exception as error:  # readers of many formats fail in many ways
-        raise ValueError(
-            f"{path}: this mesh cannot be read ({type(error).__name__}: {error}); give its link other shapes"
-        ) from None
-    if not np.isfinite(vertices).all() or len(vertices) == 0:
-        raise ValueError(f"{path}: this mesh has vertices that are not finite, or none; give its link other shapes")
+    vertices = corners_of_mesh(path, scale)
     chosen = [int(np.argmax(np.linalg.norm(vertices - vertices.mean(axis=0), axis=1)))]
     distance = np.linalg.norm(vertices - vertices[chosen[0]], axis=1)
     while len(chosen) < MESH_POINTS and distance.max() > 0.0:

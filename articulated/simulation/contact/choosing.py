@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from difflib import get_close_matches
 from fnmatch import fnmatchcase
 from functools import lru_cache
 from types import MappingProxyType
@@ -14,6 +13,8 @@ import numpy as np
 from articulated.dynamics.mechanism import WORLD, Mechanism, mechanism
 from articulated.dynamics.tree import Tree, tree
 from articulated.rig import Rig
+from articulated.rig.errors import did_you_mean
+from articulated.rig.fit import is_world
 from articulated.scalar import Scalar
 from articulated.simulation.contact.collisions import Collisions, Names
 from articulated.simulation.contact.meeting import Pair, touches
@@ -47,8 +48,9 @@ class CollisionPairs:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """As `CollisionPairs`, of pieces: all of them, and pairs of their numbers."""
+    """As `CollisionPairs`, of pieces: all of them, and pairs of their numbers; and what the names in the question mean."""
 
+    names: Selection
     pieces: tuple[Piece, ...]
     pairs: tuple[tuple[int, int], ...]
     left_out: Mapping[tuple[int, int], str]
@@ -109,7 +111,7 @@ def chosen(rig: Rig, collisions: Collisions) -> Choice:
             left_out[pair] = reason
         else:
             pairs.append(pair)
-    return Choice(pieces, tuple(sorted(pairs, key=lambda pair: (pair[1], pair[0]))), MappingProxyType(left_out))
+    return Choice(names, pieces, tuple(sorted(pairs, key=lambda pair: (pair[1], pair[0]))), MappingProxyType(left_out))
 
 
 class Selection:
@@ -127,16 +129,18 @@ class Selection:
     def match(self, links: Names, pairs: Iterable[Names]) -> bool:
         """Whether these links are one of the pairs."""
         a, b = links
-        sets = ((self._sets[x], self._sets[y]) for x, y in pairs)
-        return any((a in x and b in y) or (a in y and b in x) for x, y in sets)
+        return any((a in x and b in y) or (a in y and b in x) for x, y in map(self.meant, pairs))
+
+    def meant(self, pair: Names) -> tuple[frozenset[str], frozenset[str]]:
+        """The links that each half of a pair stands for."""
+        return self._sets[pair[0]], self._sets[pair[1]]
 
     def _all(self, where: str, patterns: Sequence[str]) -> frozenset[str]:
         found: set[str] = set()
         for pattern in patterns:
             some = [link for link in self._links if link == pattern or fnmatchcase(link, pattern)]
             if not some:
-                close = get_close_matches(pattern, self._links, n=1)
-                hint = f"; did you mean {close[0]!r}?" if close else ""
+                hint = did_you_mean(pattern, self._links)
                 raise ValueError(f"{where}: {pattern!r} is no link, no group, and no pattern that matches any{hint}")
             found |= set(some)
         return frozenset(found)
@@ -145,10 +149,10 @@ class Selection:
 def _check_given(names: Selection, collisions: Collisions, some: Sequence[tuple[str, int]]) -> None:
     """That each pair that was asked for has two shapes on two bodies."""
     for where, pair in [*(("pairs", x) for x in collisions.pairs or ()), *(("include", x) for x in collisions.include)]:
-        found = [(i, j) for j, b in enumerate(some) for i, a in enumerate(some[:j]) if names.match((a[0], b[0]), [pair])]
-        if not found:
+        ends = [[k for k, (link, _) in enumerate(some) if link in links] for links in names.meant(pair)]
+        if not all(ends) or len({*ends[0], *ends[1]}) == 1:
             raise ValueError(f"{where}: {pair!r} has no two shapes that could touch; give these links collision shapes")
-        if all(some[i][1] == some[j][1] for i, j in found):
+        if len({some[k][1] for end in ends for k in end}) == 1:
             raise ValueError(f"{where}: {pair!r} is on one body: its parts never move against each other")
 
 
@@ -158,8 +162,8 @@ def _joined(m: Mechanism) -> set[frozenset[int]]:
     held = [i for i, joint in enumerate(m.joints) if rig.joints[joint.name].kind not in ("floating", "planar")]
     joined = {frozenset((i, m.parent[i])) for i in held}
     for loop in rig.loops:
-        ends = [rig.links[link].body if link and link in rig.links else WORLD for link in (loop.link_a, loop.link_b)]
         if loop.kind not in ("distance", "gear"):
+            ends = (WORLD if is_world(rig, name) else rig.links[str(name)].body for name in (loop.link_a, loop.link_b))
             joined.add(frozenset(ends))
     return joined
 

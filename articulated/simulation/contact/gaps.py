@@ -10,12 +10,11 @@ from typing import Any
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, absolute, lookup, maximum, minimum, nearest, sqrt, where
 from articulated.simulation.contact.candidates import Candidate
+from articulated.simulation.contact.narrow.placed import UPRIGHT
 from articulated.simulation.contact.surfaces import Blocks, HeightField, Plane, Solid
 from articulated.simulation.scene import Scene
 from articulated.spatial import Pose, Vec3
 
-UPRIGHT = 0.9
-"""Cosine between a cylinder's axis and the ground's normal from which it counts as standing."""
 _POINTED = 1e-6
 _FAR = 1e3
 

@@ -12,6 +12,7 @@ from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.dynamics.tree import Tree
 from articulated.rig import Box, Capsule, Cylinder, Link, Mesh, Rig, Shape, Sphere
 from articulated.rig.errors import RigWarning
+from articulated.rig.mesh import found_mesh
 from articulated.simulation.contact.narrow.placed import Block, Hull, Placed, Polyhedron, Rod, Roller
 from articulated.simulation.contact.polyhedra import polyhedron_of_mesh
 from articulated.spatial import Mat3, Pose, Vec3
@@ -126,11 +127,9 @@ def placed(piece: Piece, R: Mat3, center: Vec3) -> Placed:
 
 def _hull(index: int, link: Link | None, mesh: Mesh, pose: np.ndarray) -> list[Piece]:
     where = "of scenery" if link is None else f"of link {link.name!r}"
-    if mesh.path is None:
-        text = f"mesh {mesh.filename!r} {where} was not found: it touches nothing; give load its mesh_dirs"
-        warnings.warn(text, RigWarning, stacklevel=2)
+    if (path := found_mesh(mesh, where)) is None:
         return []
-    center, solid, lost = polyhedron_of_mesh(mesh.path, mesh.scale)
+    center, solid, lost = polyhedron_of_mesh(path, mesh.scale)
     if lost > _SHALLOW * max(math.hypot(*vertex) for vertex in solid.vertices):
         corners = len(solid.vertices)
         text = f"mesh {mesh.filename!r} {where} touches as a hull of {corners} vertices, up to {1e3 * lost:.2g} mm within it"

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from articulated.rig.mesh import read_mesh
 from articulated.simulation.contact.narrow.placed import Polyhedron
 
 MOST_VERTICES = 12
@@ -76,18 +77,19 @@ def polyhedron_of_mesh(
 
 @lru_cache(maxsize=1024)
 def _of_mesh(path: Path, _: int, scale: Point, most: int) -> tuple[Point, Polyhedron, float]:
-    import trimesh
+    chosen, lost = simplified(corners_of_mesh(path, scale), most)
+    return *polyhedron(chosen), lost
 
+
+def corners_of_mesh(path: Path, scale: Point) -> np.ndarray:
+    """The vertices of a mesh's convex hull, shape (n, 3) [m].
+
+    Raises:
+        ValueError: as of `polyhedron_of_mesh`.
+    """
+    vertices = np.asarray(read_mesh(path).vertices, dtype=float) * scale
     try:
-        mesh = trimesh.load(path, force="mesh")
-        vertices = np.asarray(mesh.vertices, dtype=float) * scale  # type: ignore[union-attr]
-    except Exception as error:  # readers of many formats fail in many ways
-        raise ValueError(
-            f"{path}: this mesh cannot be read ({type(error).__name__}: {error}); give its link other shapes"
-        ) from None
-    try:
-        chosen, lost = simplified(vertices, most)
-        return *polyhedron(chosen), lost
+        return _corners(vertices)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -107,8 +109,7 @@ def simplified(vertices: Any, most: int = MOST_VERTICES) -> tuple[np.ndarray, fl
     """
     if most < 4:
         raise ValueError(f"most is {most}; expected 4 or more: a body of fewer vertices is flat")
-    points = _checked(vertices)
-    points = points[np.unique(_hull(points))]
+    points = _corners(vertices)
     if len(points) <= most:
         return points, 0.0
     chosen = _tetrahedron(points)
@@ -116,6 +117,11 @@ def simplified(vertices: Any, most: int = MOST_VERTICES) -> tuple[np.ndarray, fl
         chosen.append(int(np.argmax(_beyond(points, points[chosen]))))
     chosen = _exchanged(points, chosen)
     return points[chosen], _shortfall(points, points[chosen])
+
+
+def _corners(vertices: Any) -> np.ndarray:
+    points = _checked(vertices)
+    return points[np.unique(_hull(points))]
 
 
 def _checked(vertices: Any) -> np.ndarray:

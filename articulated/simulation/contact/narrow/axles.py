@@ -19,9 +19,8 @@ from __future__ import annotations
 from articulated.scalar import Scalar, absolute, either, given, least, maximum, minimum, sqrt, where
 from articulated.simulation.contact.narrow.arcs import Axis
 from articulated.simulation.contact.narrow.cylinders import Course, ball, distance, reach
-from articulated.simulation.contact.narrow.footprints import UPRIGHT
 from articulated.simulation.contact.narrow.lines import clamped
-from articulated.simulation.contact.narrow.placed import FAR, Roller, Touch
+from articulated.simulation.contact.narrow.placed import FAR, UPRIGHT, Roller, Touch
 from articulated.simulation.contact.narrow.reduction import ASKEW, Across, Place, four
 from articulated.simulation.contact.narrow.rims import lowest
 from articulated.spatial import Vec3

@@ -16,14 +16,12 @@ import math
 
 from articulated.scalar import absolute, given, maximum, minimum, sqrt, where
 from articulated.simulation.contact.narrow.facets import Facet, facet, line_over
-from articulated.simulation.contact.narrow.placed import FAR, Block, Hull, Roller, Touch
+from articulated.simulation.contact.narrow.placed import FAR, UPRIGHT, Block, Hull, Roller, Touch
 from articulated.simulation.contact.narrow.reduction import ASKEW, LOWER, Across, Place, four
 from articulated.simulation.contact.narrow.rims import meeting_of
 from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Vec3
 
-UPRIGHT = 0.9
-"""Cosine between a cylinder's axis and the normal from which it counts as standing; on the ground, `gaps.UPRIGHT`."""
 TILTED = 0.2
 """That from which its end is looked at."""
 _TINY = 1e-18

@@ -102,4 +102,7 @@ class Hull:
     solid: Polyhedron
 
 
+UPRIGHT = 0.9
+"""Cosine between a cylinder's axis and the normal from which it counts as standing."""
+
 Placed = Rod | Block | Roller | Hull
