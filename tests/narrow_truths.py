@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from scipy.optimize import linprog, minimize
 from scipy.spatial.transform import Rotation
 
@@ -143,6 +144,36 @@ def check_all_ways(function, first, second, poses):
         error = np.abs(arrays[-1] - expected).reshape(n, -1, 7)
         error[expected.reshape(n, -1, 7)[..., 0] > 100.0] = 0.0  # nobody asks where a point is that is far
         assert np.mean(error.max(axis=(1, 2)) < tolerance) > (0.97 if single else 0.999)
+
+
+def random_poses(n):
+    """Of two bodies near each other: centre and rotation of each."""
+    rng = np.random.default_rng(7)
+    return (
+        rng.normal(scale=0.2, size=(n, 3)),
+        Rotation.random(n, rng),
+        rng.normal(scale=0.1, size=(n, 3)),
+        Rotation.random(n, rng),
+    )
+
+
+TURN, SHIFT = Rotation.random(rng=np.random.default_rng(8)), np.array([1.0, -2.0, 0.5])
+
+
+def moved_together(function, first, second, poses):
+    """What is found of two bodies where they are, and if both are moved by TURN and SHIFT."""
+    p, R, q, Q = poses
+    here = function(shape(*first, p, R), shape(*second, q, Q))
+    moves = ((TURN.apply(p) + SHIFT, TURN * R), (TURN.apply(q) + SHIFT, TURN * Q))
+    return here, function(*(shape(*body, *move) for body, move in zip((first, second), moves, strict=True)))
+
+
+def assert_same_touches(here, moved):
+    """The same points and normals, moved with the bodies."""
+    seen = there(here)
+    assert (seen == there(moved)).all()
+    assert TURN.apply(stacked(here, "normal")[seen]) == pytest.approx(stacked(moved, "normal")[seen], abs=1e-7)
+    assert TURN.apply(stacked(here, "point")[seen]) + SHIFT == pytest.approx(stacked(moved, "point")[seen], abs=1e-7)
 
 
 class Pair:

@@ -14,15 +14,17 @@ from narrow_truths import (
     WEDGE,
     Pair,
     Rotation,
+    assert_same_touches,
     box,
     carrying,
     check_all_ways,
     euler,
+    moved_together,
+    random_poses,
     rock,
     shape,
     sizes,
     stacked,
-    there,
     vector,
 )
 
@@ -123,25 +125,10 @@ PAIRS = [
 
 @pytest.mark.parametrize(("function", "first", "second"), PAIRS)
 class TestAll:
-    def poses(self, n=150):
-        rng = np.random.default_rng(7)
-        return (
-            rng.normal(scale=0.2, size=(n, 3)),
-            Rotation.random(n, rng),
-            rng.normal(scale=0.1, size=(n, 3)),
-            Rotation.random(n, rng),
-        )
-
     def test_floats_and_machine_code_equal_arrays(self, function, first, second):
-        check_all_ways(function, first, second, self.poses())
+        check_all_ways(function, first, second, random_poses(150))
 
     def test_moved_together(self, function, first, second):
-        p, R, q, Q = self.poses()
-        turn, x = Rotation.random(rng=np.random.default_rng(8)), np.array([1.0, -2.0, 0.5])
-        here = function(shape(*first, p, R), shape(*second, q, Q))
-        moved = function(shape(*first, turn.apply(p) + x, turn * R), shape(*second, turn.apply(q) + x, turn * Q))
-        seen = there(here)
-        assert (seen == there(moved)).all()
+        here, moved = moved_together(function, first, second, random_poses(150))
+        assert_same_touches(here, moved)
         assert sizes(here) == pytest.approx(sizes(moved), abs=1e-9)
-        assert turn.apply(stacked(here, "normal")[seen]) == pytest.approx(stacked(moved, "normal")[seen], abs=1e-7)
-        assert turn.apply(stacked(here, "point")[seen]) + x == pytest.approx(stacked(moved, "point")[seen], abs=1e-7)

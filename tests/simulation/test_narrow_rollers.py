@@ -6,7 +6,21 @@ import math
 
 import numpy as np
 import pytest
-from narrow_truths import LEVEL, Rotation, check_all_ways, euler, lying, numbers, shape, sizes, stacked, there
+from narrow_truths import (
+    LEVEL,
+    Rotation,
+    assert_same_touches,
+    check_all_ways,
+    euler,
+    lying,
+    moved_together,
+    numbers,
+    random_poses,
+    shape,
+    sizes,
+    stacked,
+    there,
+)
 
 from articulated.simulation.contact.narrow.rollers import rod_roller, roller_block, roller_roller
 
@@ -237,30 +251,15 @@ PAIRS = [
 
 @pytest.mark.parametrize(("function", "first", "second"), PAIRS)
 class TestAll:
-    def poses(self, n=200):
-        rng = np.random.default_rng(7)
-        return (
-            rng.normal(scale=0.2, size=(n, 3)),
-            Rotation.random(n, rng),
-            rng.normal(scale=0.1, size=(n, 3)),
-            Rotation.random(n, rng),
-        )
-
     def test_floats_and_machine_code_equal_arrays(self, function, first, second):
-        check_all_ways(function, first, second, self.poses())
+        check_all_ways(function, first, second, random_poses(200))
 
     def test_moved_together(self, function, first, second):
         """It does not matter where in the world two bodies are; but for two cylinders, to which points of their ends are told."""
-        p, R, q, Q = self.poses()
-        turn, x = Rotation.random(rng=np.random.default_rng(8)), np.array([1.0, -2.0, 0.5])
-        here = function(shape(*first, p, R), shape(*second, q, Q))
-        moved = function(shape(*first, turn.apply(p) + x, turn * R), shape(*second, turn.apply(q) + x, turn * Q))
+        here, moved = moved_together(function, first, second, random_poses(200))
         alike = np.isclose(sizes(here).min(axis=0), sizes(moved).min(axis=0), atol=1e-5)
         if function is roller_roller:
             assert alike.mean() > 0.95
         else:
             assert alike.all()
-            seen = there(here)
-            assert (seen == there(moved)).all()
-            assert turn.apply(stacked(here, "normal")[seen]) == pytest.approx(stacked(moved, "normal")[seen], abs=1e-7)
-            assert turn.apply(stacked(here, "point")[seen]) + x == pytest.approx(stacked(moved, "point")[seen], abs=1e-7)
+            assert_same_touches(here, moved)
