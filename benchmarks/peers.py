@@ -138,7 +138,7 @@ def mjcf(
     world: str = "",
     option: str | None = None,
 ) -> str:
-    """A rig of hinges, slides and a free root as MuJoCo's XML, body by body, with what else is to stand in it."""
+    """A rig as MuJoCo's XML, body by body, with what else is to stand in it."""
     children: dict[int, list[int]] = {}
     for i, body in enumerate(rig.bodies):
         children.setdefault(body.parent, []).append(i)
@@ -148,14 +148,21 @@ def mjcf(
 
     def element(i: int) -> str:
         body = rig.bodies[i]
-        kind = {"floating": "free", "prismatic": "slide"}.get(rig.joints[body.joint].kind, "hinge")
+        joint = rig.joints[body.joint]
         xyaxes = np.concatenate([body.pose[:3, 0], body.pose[:3, 1]])
         I = body.inertia
         full = (I[0, 0], I[1, 1], I[2, 2], I[0, 1], I[0, 2], I[1, 2])
-        joint = "<freejoint/>" if kind == "free" else f'<joint type="{kind}" axis="0 0 1" {on_joint(body.joint)}/>'
+        if joint.kind == "floating":
+            moving = "<freejoint/>"
+        elif joint.kind == "ball":
+            moving = f'<joint type="ball" {on_joint(joint.name)}/>'
+        else:
+            axes = ["1 0 0", "0 0 1"] if joint.kind == "universal" else ["0 0 1"]
+            kind = "slide" if joint.kind == "prismatic" else "hinge"
+            moving = "".join(f'<joint type="{kind}" axis="{axis}" {on_joint(joint.name)}/>' for axis in axes)
         inside = "".join(element(k) for k in children.get(i, []))
         return (
-            f'<body pos="{vector(body.pose[:3, 3])}" xyaxes="{vector(xyaxes)}">{joint}'
+            f'<body pos="{vector(body.pose[:3, 3])}" xyaxes="{vector(xyaxes)}">{moving}'
             f'<inertial pos="{vector(body.center)}" mass="{body.mass!r}" fullinertia="{vector(full)}"/>{on_body(i)}{inside}</body>'
         )
 

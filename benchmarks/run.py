@@ -22,6 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from contact import contact, contact_growth, stepping
 from loops import loop_growth, loops
+from pairs import pairs_of_bodies
 from peers import Native, Pinocchio, mujoco_forward
 from rigs import ROBOTS, chain, robot
 from timing import at_once, median, pin_to_one_core, ratio, setting, timed, turns
@@ -345,6 +346,7 @@ TABLES = {
     "contact_growth": contact_growth,
     "loops": loops,
     "loop_growth": loop_growth,
+    "pairs": pairs_of_bodies,
 }
 ALL_CORES = os.sched_getaffinity(0)
 
