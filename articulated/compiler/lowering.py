@@ -18,6 +18,7 @@ from collections.abc import Callable, Sequence
 from articulated.compiler.graph import Parameter
 from articulated.compiler.ir import ATTRIBUTES, Format, Text
 from articulated.compiler.light import STACK, light_text
+from articulated.compiler.listing import Listing, known, list_function, listing, wanted
 from articulated.compiler.operations import chunk_function, mask_function
 from articulated.compiler.program import Program
 from articulated.compiler.schedule import Check, Chunk, Exit, Item, Read, Repeat, Schedule, Write
@@ -55,7 +56,7 @@ class Lowering:
         light = [light_text(program, f, self.scratch, self.tile)] if plain else []
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
         size = f"@size = internal constant i64 {self.scratch}"
-        main = [size, *kernel.masks, *kernel.transfers.texts(), _turn(f), text, *light, *declared]
+        main = [size, *kernel.masks, *kernel.lists.values(), *kernel.transfers.texts(), _turn(f), text, *light, *declared]
         common = [
             *(f"declare {text_of} @llvm.{name}" for text_of, name in _intrinsics(f)),
             f"attributes #0 = {{ {ATTRIBUTES} }}\n",
@@ -86,6 +87,7 @@ class _Kernel:
         self.transfers = Transfers(schedule, program, f)
         self.chunks: list[str] = []
         self.masks: list[str] = []
+        self.lists: dict[Listing, str] = {}
         self._first = self._blocks = self._last = ""
 
     def function(self) -> str:
@@ -128,11 +130,14 @@ class _Kernel:
 
     def _items(self, items: Sequence[Item], end: str) -> None:
         """Write what the items do; `end` is where the innermost loop ends."""
+        here = known(items, self.schedule)
         for item in items:
+            self._list([item], here)
             if isinstance(item, Chunk):
                 if item.nodes or item.copies or item.yields:
-                    name = f"chunk{len(self.chunks)}"
-                    self.chunks.append(chunk_function(name, item, self.schedule, self.f, self.transfers))
+                    name, rows = f"chunk{len(self.chunks)}", listing(item, self.schedule)
+                    place = self.transfers.list_of(rows) if rows in self.lists else None
+                    self.chunks.append(chunk_function(name, item, self.schedule, self.f, self.transfers, place))
                     self._each(lambda scratch, state, name=name: f"@{name}(ptr {scratch})", tells=False)
             elif isinstance(item, Repeat):
                 self._repeat(item)
@@ -148,6 +153,14 @@ class _Kernel:
                     self.text.begin(proceed)
             else:
                 self._transfer(item)
+
+    def _list(self, items: Sequence[Item], here: set[int]) -> None:
+        """Write the lists that items need of rows whose numbers are known here, unless they are written."""
+        for rows in wanted(items, self.schedule):
+            if rows not in self.lists and here.issuperset(rows.numbers):
+                name, places = f"list{len(self.lists)}", [self.transfers.place(i) for i in rows.numbers]
+                self.lists[rows] = list_function(name, rows, self.transfers.list_of(rows), places, self.f)
+                self._each(lambda scratch, state, name=name: f"@{name}(ptr {scratch})", tells=False)
 
     def _repeat(self, item: Repeat) -> None:
         if item.items and isinstance(chunk := item.items[0], Chunk) and chunk.rows is item.loop:

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from articulated.compiler.branches import Branch, branched
-from articulated.compiler.graph import MASKS, Node
+from articulated.compiler.graph import MASKS
 from articulated.compiler.ir import Format, Text
+from articulated.compiler.listing import is_undefined
 from articulated.compiler.schedule import Chunk, Schedule
 
 _ARITHMETIC = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
@@ -35,14 +36,17 @@ class Places(Protocol):
         ...
 
 
-def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, places: Places) -> str:
-    """The function `void name(scratch)` of a chunk."""
+def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, places: Places, rows: int | None = None) -> str:
+    """The function `void name(scratch)` of a chunk; `rows` is where in scratch the rows that it goes through are listed."""
     operations = _Operations(schedule, f, name, places, chunk.yields)
+    text = operations.text
     if chunk.rows is None:
         _compute(chunk, operations)
     else:
-        with operations.text.loop(int(chunk.rows.count)) as turn:  # type: ignore[arg-type]
-            operations.values = {-1 - chunk.rows.region: turn.k}
+        listed = "" if rows is None else text.at("%scratch", rows)
+        with text.loop(text.word(listed) if listed else int(chunk.rows.count)) as turn:  # type: ignore[arg-type]
+            row = text.word(listed, text.integer("add", turn.k, 1)) if listed else turn.k
+            operations.values = {-1 - chunk.rows.region: row}
             _compute(chunk, operations)
     text = operations.text.function("void", name, "ptr noalias %scratch", linkage="")
     return "\n".join([*operations.tables, text])
@@ -65,10 +69,6 @@ def mask_function(name: str, mask: int, holds: bool, schedule: Schedule, f: Form
     text = operations.text
     found = text.let(f"fcmp {'une' if holds else 'oeq'} {text.V} {operations.loaded(mask)}, zeroinitializer")
     return text.function("i64", name, "ptr noalias %scratch", text.any(found))
-
-
-def _is_undefined(node: Node) -> bool:
-    return node[0] == "const" and node[1] != node[1]
 
 
 def _copy(chunk: Chunk, operations: _Operations) -> None:
@@ -137,7 +137,7 @@ class _Operations:
                 self.values[i] = self.value(nodes[i][-1])
         left = [self.values.get(i, "") for i in part.yields]
         for entry in away:
-            if not _is_undefined(nodes[nodes[entry[0]][-1]]):
+            if not is_undefined(nodes[nodes[entry[0]][-1]]):
                 self.put_away(entry)
         self.put.update(away)
         otherwise = text.block

@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from articulated.compiler.ir import Format, Text
+from articulated.compiler.listing import Listing
 from articulated.compiler.program import Program
 from articulated.compiler.schedule import Read, Schedule, Write
 
@@ -36,12 +37,14 @@ class Transfers:
             self.kinds.append((f.lanes // 2, False))
         self._tables: list[str] = []
         self._extra: dict[int, int] = {}
+        self._lists: dict[Listing, int] = {}
+        self._slots = schedule.size
         self._declared: set[str] = set()
 
     @property
     def scratch(self) -> int:
         """Bytes of scratch for one block of states, once all tables are written."""
-        return max(1, self.schedule.size + len(self._extra)) * self.f.vector_bytes
+        return max(1, self._slots) * self.f.vector_bytes
 
     def table(self, item: Read | Write) -> tuple[str, list[int]]:
         """Write down which scalars an item moves: the name of that table, and how many groups in it are of each kind."""
@@ -78,18 +81,28 @@ class Transfers:
         """Where a node is in scratch; constants are put there, and what nobody wants has a place too."""
         if i >= 0 and self.schedule.nodes[i][0] != "const":
             return self.schedule.slot(i) * self.f.vector_bytes
-        slot = self._extra.setdefault(i, self.schedule.size + len(self._extra))
-        return slot * self.f.vector_bytes
+        return self._more(i)
 
     def address(self, table: int) -> int:
         """Where in scratch the address of a table is [bytes]."""
-        slot = self._extra.setdefault(_TABLES - table, self.schedule.size + len(self._extra))
-        return slot * self.f.vector_bytes
+        return self._more(_TABLES - table)
 
     def turn(self, loop: int) -> int:
         """Where in scratch the number of the row is that a loop over rows is at [bytes]."""
-        slot = self._extra.setdefault(_TURNS - loop, self.schedule.size + len(self._extra))
-        return slot * self.f.vector_bytes
+        return self._more(_TURNS - loop)
+
+    def list_of(self, rows: Listing) -> int:
+        """Where in scratch a list of rows is [bytes]."""
+        if rows not in self._lists:
+            self._lists[rows] = self._slots * self.f.vector_bytes
+            self._slots += -(-8 * (1 + len(rows.numbers)) // self.f.vector_bytes)
+        return self._lists[rows]
+
+    def _more(self, i: int) -> int:
+        if i not in self._extra:
+            self._extra[i] = self._slots
+            self._slots += 1
+        return self._extra[i] * self.f.vector_bytes
 
     def _addresses(self) -> str:
         """The function `void addresses(scratch, table)` that puts the addresses of tables there."""

@@ -306,7 +306,7 @@ class Rollout:
         if not self._regroups:
             return None
         stance = self._like.stance
-        return np.lexsort([self.motion[..., k].ravel().astype(np.int32) for k in (stance.latest, stance.near)])
+        return np.lexsort([self.motion[..., k].ravel().astype(np.int32) for k in (stance.latest, stance.near, stance.met)])
 
     @property
     def _regroups(self) -> bool:

@@ -143,13 +143,13 @@ def test_pairs_at_every_level(level, single, fill, monkeypatch):
     dtype = np.float32 if single else np.float64
     q, v = q.astype(dtype), v.astype(dtype)
 
-    def run(some=slice(None)) -> bytes:
+    def run(some=slice(None), threads=1) -> bytes:
         collisions = art.Collisions(restitution=0.3 if single else 0.0)
-        simulation = art.Simulation(rig.with_joints(damping=0.01), ground=True, collisions=collisions)
+        simulation = art.Simulation(rig.with_joints(damping=0.01), ground=True, collisions=collisions, threads=threads)
         state = simulation.reset(q[some], v[some])
         for _ in range(150):
             state = simulation.step(state)
-        near = state.memory[..., simulation._world.layout.stance.near - (rig.nq + rig.nv + 1)]
+        near = state.memory[..., simulation._world.layout.stance.met - (rig.nq + rig.nv + 1)]
         assert len(some) if isinstance(some, list) else len(set(near.tolist())) > 5
         return state.q.tobytes() + state.v.tobytes()
 
@@ -158,6 +158,7 @@ def test_pairs_at_every_level(level, single, fill, monkeypatch):
         size = rig.nq * q.itemsize
         for k in (3, 20):
             assert run([k])[:size] == expected[k * size : (k + 1) * size]
+        assert run(threads=3) == expected
     monkeypatch.setenv("ARTICULATED_SIMD", level)
     assert run() == expected
 

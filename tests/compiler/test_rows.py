@@ -7,6 +7,7 @@ import pytest
 
 from articulated import scalar
 from articulated.compiler import Array, Program, Tape, compiled, evaluate
+from articulated.compiler.listing import wanted
 from articulated.compiler.machine import _levels
 from articulated.compiler.schedule import flattened, schedule
 from articulated.dynamics.calls import states
@@ -129,3 +130,40 @@ def test_what_is_undefined_is_not_written():
 
     x = np.array([[1.0, -1.0], [-2.0, -3.0], [3.0, -1.0]])
     assert run(algorithm, x, "undefined")[:, :2].tolist() == [[1.0, -1.0], [-1.0, -1.0], [3.0, -1.0]]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.5, 1.0])
+def test_rows_that_need_nothing_are_passed_over(share):
+    """Several loops over the same rows, on their own and inside another loop, share one list of those that matter."""
+    count = 12
+
+    def algorithm(x):
+        needed = scalar.each([[x[k], x[count + k]] for k in range(count)], lambda row: [scalar.where(row[0] < share, 1.0, 0.0)])
+        rows = [[near, x[count + k]] for k, (near,) in enumerate(needed)]
+
+        def sine(row):
+            return scalar.given(row[0] > 0.5, lambda: [scalar.sin(row[1])], [scalar.UNDEFINED])
+
+        def add(total, row):
+            return scalar.given(row[0] > 0.5, lambda: [total[0] + row[2]], total)
+
+        def turn(total):
+            made = [[*row, y] for row, (y,) in zip(rows, scalar.each(rows, sine), strict=True)]
+            return scalar.fold(made, add, [0.5 * total[0]])
+
+        first = turn([0.0])
+        return [*first, *scalar.repeat(3, turn, first), *[0.0] * (WIDTH - 2)]
+
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.uniform(0.01, 0.99, size=(BATCH, count)), rng.normal(size=(BATCH, count))], axis=1)
+    expected = np.empty((BATCH, WIDTH))
+    evaluate(algorithm, [(x, 1)], expected, (BATCH,))
+    np.testing.assert_allclose(run(algorithm, x, f"listed {share}"), expected, rtol=1e-12, atol=1e-12)
+    total = np.where(x[:, :count] < share, np.sin(x[:, count:]), 0.0).sum(axis=1)
+    np.testing.assert_allclose(expected[:, 1], total * 1.875, rtol=1e-12, atol=1e-12)
+    tape = Tape(
+        Program("listed", b"", (Array("x", (2 * count,)),), (Array("y", (WIDTH,)),), lambda _, x: [algorithm(x)]), False
+    )
+    plan = schedule(tape.graph, tape.outputs, None, 8)
+    assert [len(rows.numbers) for rows in wanted(plan.items, plan)] == [count] * 4
+    assert len(set(wanted(plan.items, plan))) == 1

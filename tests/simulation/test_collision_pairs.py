@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+import trimesh
 from conftest import example_robots
 from pair_rigs import boxes, loose, put, ragdoll
 
@@ -128,6 +129,24 @@ class TestMaterials:
         )
         assert run.q[-1, [0, 7]] == pytest.approx(0.5 * 9.81 * (np.sin(0.4) - 0.1 * np.cos(0.4)) * 0.25, rel=0.05)
         assert abs(run.q[-1, 14]) < 1e-3
+
+
+class TestMeshes:
+    def test_a_mesh_of_many_vertices_is_told(self, tmp_path):
+        """It touches as a simpler hull; that it is not closed does not matter."""
+        sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.1)
+        sphere.update_faces(np.arange(len(sphere.faces)) > 10)
+        sphere.export(tmp_path / "sphere.stl")
+        builder = art.RigBuilder("ball")
+        mesh = art.Mesh("sphere.stl", path=tmp_path / "sphere.stl")
+        builder.link("body", 1.0, (0, 0, 0), 0.004 * np.eye(3), collisions=[mesh])
+        floor = art.Shape(art.Box((2.0, 2.0, 0.2)))
+        with pytest.warns(
+            art.RigWarning, match=r"mesh 'sphere\.stl' of link 'body' touches as a hull of 12 vertices, up to .* mm"
+        ):
+            simulation = art.Simulation(builder.build("free"), collisions=art.Collisions(scenery=floor))
+        end = simulation.run([0, 0, 0.25, 0, 0, 0, 1], duration=2.0).q[-1]
+        assert 0.17 < end[2] < 0.2
 
 
 class TestTrouble:

@@ -11,6 +11,7 @@ import os
 import numpy as np
 import pytest
 from contact_rigs import rig_of
+from pair_rigs import crumpled, put, within_limits
 
 import articulated as art
 
@@ -77,3 +78,39 @@ def test_falls(name, dt):
     # the rest is still on its way down: it topples, or rocks
     end = dataclasses.replace(simulation, substeps=round(20.0 / dt)).step(simulation.reset(q, v))
     assert np.mean(np.abs(end.v).max(axis=1) < 1e-3) > 0.999
+
+
+@pytest.mark.sweep
+@pytest.mark.timeout(1200)
+def test_ragdolls_crumple_on_themselves():
+    """Nothing passes through anything, at up to ten metres a second and more: all pairs that can touch, limits, ground."""
+    rng, rests, deepest, rises = np.random.default_rng(0), [], [], []
+    rig, _ = crumpled(rng, 1)
+    simulation = art.Simulation(rig, ground=True, collisions=True)
+    for first in range(0, COUNT, 64):
+        q = np.concatenate([apart(simulation, within_limits(rig, crumpled(rng, 128)[1]), rng) for _ in range(4)])
+        q = q[: min(64, COUNT - first)]
+        v = rng.normal(size=(len(q), rig.nv))
+        v[:, 3:6] *= 2.0
+        run = simulation.run(q, v, 5.0, 100)
+        assert (run.outcome == art.Outcome.COMPLETED).all()
+        between = np.array([other != "" for other in run.contact_others])
+        depth = -run.contact_gaps[..., between].min(axis=-1)
+        deepest += depth.max(axis=1).tolist()
+        rests += depth[:, -20:].max(axis=1).tolist()
+        rise = (run.energy - np.minimum.accumulate(run.energy, axis=1)).max(axis=1)
+        rises += (rise / (run.energy[:, 0] - run.energy.min(axis=1))).tolist()
+    print(f"deepest {max(deepest) * 1e3:.1f} mm, at rest {max(rests) * 1e3:.2f} mm, rise {max(rises):.2e} of what was lost")
+    assert len(deepest) == COUNT
+    assert max(deepest) < 0.02
+    assert max(rests) < 0.005
+    assert max(rises) < 2e-3
+
+
+def apart(simulation, q, rng):
+    """Those of some configurations in which nothing is in anything, above the ground."""
+    put(simulation.rig, q, 0, (0.0, 0.0, 0.0))
+    contacts = simulation.contacts(simulation.reset(q))
+    gaps, between = np.array(contacts.gaps), np.array([other != "" for other in contacts.others])
+    q[:, 2] += rng.uniform(0.02, 0.5, len(q)) - gaps[:, ~between].min(axis=1)
+    return q[gaps[:, between].min(axis=1) > -1e-3]

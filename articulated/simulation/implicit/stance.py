@@ -26,7 +26,7 @@ class Stance:
         pulls: forces of loops in the last step, a row each [N or N m].
         residual: the largest of the solver so far [m/s].
         failures: steps so far in which the solver did not reach its tolerance.
-        near: which contacts were near in the last step, as a number.
+        near, met: which contacts with the ground, and which pairs, were near in the last step, as numbers.
         latest: its sweeps.
         sweeps: of all steps so far.
     """
@@ -44,6 +44,7 @@ class Stance:
     residual: Scalar
     failures: Scalar
     near: Scalar
+    met: Scalar
     latest: Scalar
     sweeps: Scalar
 
@@ -77,7 +78,7 @@ def unmoved(scene: Scene) -> Stance:
     shift, carry = ([0.0] * (scene.mechanism.nv if some else 0) for some in (scene.rebounds, scene.loops))
     pulls, efforts = [0.0] * len(scene.rows), [0.0] * len(drives)
     slack = [0.0] * len(dry)
-    return Stance(anchors, grips, slack, 0.0, shift, carry, pushes, pulled, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0)
+    return Stance(anchors, grips, slack, 0.0, shift, carry, pushes, pulled, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

@@ -36,6 +36,9 @@ from articulated.simulation.implicit.terms import SLIP_SPEED, Contact
 from articulated.simulation.implicit.values import Terms, Three
 from articulated.spatial import Mat3, Vec3
 
+_BITS = 20
+"""Of a number that is exact in single precision too."""
+
 
 def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     """One step of length h."""
@@ -167,10 +170,16 @@ def _stance(
         [x / h for x in found.pulls],
         maximum(before.residual, residual),
         before.failures + where(residual < forces.numbers.tolerance, 0.0, 1.0),
-        sum((where(contact.near, 2.0 ** (n % 20), 0.0) for n, contact in enumerate(terms.contacts)), 0.0),
+        _pattern([where(contact.near, 1.0, 0.0) for contact in contacts[:first]]),
+        _pattern(terms.nearness),
         found.k,
         before.sweeps + found.k,
     )
+
+
+def _pattern(held: Sequence[Scalar]) -> Scalar:
+    """Of some scalars, 0 or 1, a number that differs where they do, if they are not many."""
+    return sum((x * 2.0 ** (n % _BITS) for n, x in enumerate(held)), 0.0)
 
 
 def _stretch(contact: Contact, u: Vec3, y: Vec3, limit: Scalar, h: Scalar) -> Vec3:
