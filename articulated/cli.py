@@ -100,6 +100,7 @@ def _rig_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rig", metavar="RIG", help="a URDF file, a package:// address or a shipped rig's name")
     parser.add_argument("--root", choices=("fixed", "free", "planar"), default="fixed", help="how its root meets the world")
     parser.add_argument("--mesh-dir", action="append", default=[], metavar="DIR", help="where to look for meshes and packages")
+    parser.add_argument("--srdf", metavar="FILE", help="an SRDF file: which links never touch each other")
     parser.add_argument("--repair-inertia", action="store_true", help="replace impossible inertias by the nearest possible")
     for what, unit in (("damping", "N m s/rad or N s/m"), ("friction", "N m or N"), ("armature", "kg m² or kg")):
         parser.add_argument(f"--{what}", type=float, metavar="X", help=f"give every joint this {what} [{unit}]")
@@ -114,6 +115,7 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
     add("--integrator", choices=list(art.INTEGRATORS), help="default semi_implicit, or rk4 for what swings freely")
     add("--ground", action="store_true", help="let it touch the plane through the origin, across gravity")
     add("--friction-of-ground", type=_zero_or_more, default=0.9, metavar="MU", help="Coulomb's coefficient (default 0.9)")
+    add("--collisions", action="store_true", help="let its links touch each other")
     add("--free-joints", action="store_true", help="do not enforce joint limits")
     add("--rtol", type=_positive(float), default=1e-6, help="relative tolerance of dopri5 (default 1e-6)")
     add("--gravity", type=float, nargs=3, default=art.GRAVITY, metavar=("X", "Y", "Z"), help=_GRAVITY_HELP)
@@ -167,6 +169,7 @@ def _simulate(options: argparse.Namespace) -> int:
         gravity=options.gravity,
         ground=_ground(options),
         limits=not options.free_joints,
+        collisions=options.collisions,
         integrator=options.integrator,
         rtol=options.rtol,
         atol=options.rtol * 1e-3,
@@ -236,7 +239,9 @@ def _rigs(options: argparse.Namespace) -> int:
 
 
 def _load(options: argparse.Namespace) -> art.Rig:
-    rig = art.load(options.rig, options.root, mesh_dirs=options.mesh_dir, repair_inertia=options.repair_inertia)
+    rig = art.load(
+        options.rig, options.root, mesh_dirs=options.mesh_dir, srdf=options.srdf, repair_inertia=options.repair_inertia
+    )
     given = {what: getattr(options, what) for what in ("damping", "friction", "armature")}
     return rig.with_joints(**{what: value for what, value in given.items() if value is not None})
 

@@ -3,6 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
+import subprocess
+import tempfile
+from pathlib import Path
 
 import numpy as np
 from peers import mjcf, mujoco_configuration
@@ -124,6 +129,49 @@ class MuJoCo:
         return self.rollout.rollout(self.model, self.data, self.state, nstep=steps)[0][:, -1]
 
 
+def write(rig: art.Rig, file: Path) -> None:
+    """What `engines.py` reads."""
+    from scipy.spatial.transform import Rotation
+
+    def at(pose: np.ndarray) -> list[list[float]]:
+        return [pose[:3, 3].tolist(), Rotation.from_matrix(pose[:3, :3]).as_quat().tolist()]
+
+    bodies = []
+    for body in rig.bodies:
+        (shape,) = rig.links[body.name].collisions
+        geometry, kind = shape.geometry, rig.joints[body.joint].kind
+        sizes = {"mass": body.mass, "center": body.center.tolist(), "radius": geometry.radius, "length": geometry.length}
+        places = {"parent": body.parent, "kind": kind, "at": at(body.pose), "capsule_at": at(shape.pose)}
+        bodies.append(places | sizes)
+    turns = Rotation.random(PEERS, rng=0).as_quat().tolist()
+
+    def geom(k: int) -> str:
+        place = bodies[k]["capsule_at"]
+        position, (x, y, z, w) = place
+        size = f'size="{bodies[k]["radius"]} {0.5 * bodies[k]["length"]}"'
+        where = f'pos="{" ".join(map(repr, position))}" quat="{w!r} {x!r} {y!r} {z!r}"'
+        return f'<geom type="capsule" {size} {where} friction="{FRICTION} 0 0"/>'
+
+    text = mjcf(rig, geom, lambda name: f'damping="{rig.damping[rig.joints[name].v_slice.start]}"', option="<option/>")
+    file.write_text(json.dumps({"dt": DT, "bodies": bodies, "turns": turns, "mjcf": text}))
+
+
+def engines(rig: art.Rig) -> None:
+    """PyBullet and Rapier, by the interpreter that BENCHMARK_ENGINES names; without it they are left out."""
+    if not (python := os.environ.get("BENCHMARK_ENGINES")):
+        print("\nPyBullet and Rapier are left out: BENCHMARK_ENGINES names no interpreter that has them.")
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "ragdoll.json"
+        write(rig, file)
+        script = Path(__file__).with_name("engines.py")
+        found = subprocess.run([python, str(script), str(file)], capture_output=True, text=True, check=True).stdout
+    print("\n| engine, all pairs but neighbours | ns a step |\n|---|---|")
+    for line in found.splitlines():
+        name, said = line.split("\t")
+        print(f"| {name} | {said if said.startswith('left') else f'{1e9 * float(said):.0f}'} |")
+
+
 def pairs_of_bodies(native: bool) -> None:
     """The ragdoll as 15 capsules (36 dof, joint limits off) with 20 points of contact and some of its pairs, falling on the ground
     and on itself: 1.5 s, dt 2 ms, one thread, against mujoco.rollout on one thread with the same points and pairs, 64 states of
@@ -155,3 +203,40 @@ def pairs_of_bodies(native: bool) -> None:
                 f"| {n} | {np.dtype(dtype).name} | {ours:.0f} | {over:.2f} | {theirs:.0f} | {times:.1f} | {residual:.1e} | {firsts[n]:.1f} |",
                 flush=True,
             )
+    engines(rig)
+
+
+def two_ragdolls(native: bool) -> None:
+    """One ragdoll as in `pairs`; two side by side that do not know of each other; and two that fall on each other: 81 more pairs,
+    of nine parts of the one with nine of the other. float64, one thread, nanoseconds a step of all of them.
+    """
+    print("| ragdolls | pairs | ns a step | over one | compiled in [s] |")
+    print("|---|---|---|---|---|")
+    one, steps, count = ragdoll(), 750, 512
+    q, v = falling(one, 2 * count)
+    two = art.compose(left=one, right=one)
+    both, speeds = np.concatenate([q[:count], q[count:]], axis=1), np.concatenate([v[:count], v[count:]], axis=1)
+    both[:, one.nq] += 0.3
+    own = [(f"{side}/{a}", f"{side}/{b}") for side in SIDES for a, b in pairs()]
+    parts = ["torso", *(f"{s}_{part}" for s in SIDES for part in ("forearm", "hand", "thigh", "shin"))]
+    across = [(f"left/{a}", f"right/{b}") for a in parts for b in parts]
+    scenes = {
+        "one": (one, pairs(), q[:count], v[:count]),
+        "two apart": (two, own, both, speeds),
+        "two together": (two, own + across, both, speeds),
+    }
+    contenders, firsts = {}, {}
+    for name, (rig, some, at, moving) in scenes.items():
+        named = points(one)
+        if rig is two:
+            named = [dataclasses.replace(p, link=f"{side}/{p.link}") for side in SIDES for p in named]
+        settings = {"dt": DT, "substeps": steps, "limits": False, "contact_points": named, "threads": 1}
+        collisions = art.Collisions(friction=FRICTION, pairs=some)
+        simulation = art.Simulation(rig, ground=art.Ground(friction=FRICTION), collisions=collisions, **settings)
+        start = simulation.reset(at, moving)
+        firsts[name] = timed(lambda s=simulation, start=start: s.step(start), 0.0)()
+        contenders[name] = timed(lambda s=simulation, start=start: s.step(start))
+    taken = turns(contenders, count=5)
+    for name, (_, some, *_) in scenes.items():
+        ns, over = 1e9 * median(taken, name) / steps / count, ratio(taken, name, "one")
+        print(f"| {name} | {len(some)} | {ns:.0f} | {over:.2f} | {firsts[name]:.0f} |", flush=True)

@@ -22,7 +22,7 @@ from collections.abc import Callable
 import numpy as np
 from contact import contact, contact_growth, stepping
 from loops import loop_growth, loops
-from pairs import pairs_of_bodies
+from pairs import pairs_of_bodies, two_ragdolls
 from peers import Native, Pinocchio, mujoco_forward
 from rigs import ROBOTS, chain, robot
 from timing import at_once, median, pin_to_one_core, ratio, setting, timed, turns
@@ -347,6 +347,7 @@ TABLES = {
     "loops": loops,
     "loop_growth": loop_growth,
     "pairs": pairs_of_bodies,
+    "two_ragdolls": two_ragdolls,
 }
 ALL_CORES = os.sched_getaffinity(0)
 

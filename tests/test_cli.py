@@ -68,6 +68,34 @@ class TestSimulate:
         np.testing.assert_allclose(run.v[0], [0.5, 0])
         assert run.rig.damping.tolist() == [0.3, 0.3]
 
+    def test_collisions(self, command, tmp_path):
+        """A pendulum that swings into another stays outside; unless an SRDF says that they never meet."""
+        sphere = '<collision><geometry><sphere radius="0.1"/></geometry></collision>'
+        inertial = '<inertial><origin xyz="0 0 -0.5"/><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/></inertial>'
+        ball = sphere.replace("<geometry>", '<origin xyz="0 0 -0.5"/><geometry>')
+        links = "".join(f'<link name="{name}">{inertial}{ball}</link>' for name in ("a", "b"))
+        joints = "".join(
+            f'<joint name="{name}_joint" type="continuous"><parent link="base"/><child link="{name}"/>'
+            f'<origin xyz="{x} 0 0"/><axis xyz="0 1 0"/></joint>'
+            for name, x in (("a", 0.0), ("b", 0.3))
+        )
+        (tmp_path / "two.urdf").write_text(f'<robot name="two"><link name="base"/>{links}{joints}</robot>')
+        disabled = '<robot name="two"><disable_collisions link1="a" link2="b" reason="Never"/></robot>'
+        (tmp_path / "two.srdf").write_text(disabled)
+        start = ["simulate", str(tmp_path / "two.urdf"), "--pose", "a_joint=90deg", "--duration", "1", "--dt", "0.001", "--quiet"]
+        nearest = {}
+        for name, more in {
+            "touch": ["--collisions"],
+            "pass": [],
+            "told": ["--collisions", "--srdf", str(tmp_path / "two.srdf")],
+        }.items():
+            assert command(*start, *more, "-o", f"{name}.npz")[0] == 0
+            run = art.Trajectory.load(f"{name}.npz")
+            centers = [np.array([x - 0.5 * np.sin(a), -0.5 * np.cos(a)]) for x, a in zip((0.0, 0.3), run.q.T, strict=True)]
+            nearest[name] = np.linalg.norm(centers[0] - centers[1], axis=0).min()
+        assert nearest["touch"] > 0.195
+        assert max(nearest["pass"], nearest["told"]) < 0.15
+
     def test_random_starts_and_root(self, command):
         arguments = ["--random", "3", "--seed", "5", "--root", "free", "--duration", "0.1", "--integrator", "rk4"]
         assert command("simulate", "pendulum", *arguments, "-o", "a.npz")[0] == 0
