@@ -6,7 +6,7 @@ import dataclasses
 import os
 
 import numpy as np
-from peers import mjcf, mujoco_configuration
+from peers import Rollout, mjcf
 from rigs import robot
 from timing import median, ratio, timed, turns
 
@@ -66,13 +66,10 @@ def falling(name: str, rig: art.Rig, count: int) -> tuple[np.ndarray, np.ndarray
     return q, v
 
 
-class MuJoCo:
-    """mujoco.rollout on one thread, default Newton solver, pyramidal cones, implicitfast."""
+class MuJoCo(Rollout):
+    """With drives."""
 
     def __init__(self, name: str, rig: art.Rig, q: np.ndarray, v: np.ndarray):
-        import mujoco
-        from mujoco import rollout
-
         p, d, target = gains(name, rig)
         chosen = points(name, rig)
 
@@ -91,18 +88,7 @@ class MuJoCo:
 
         floor = f'<geom type="plane" size="50 50 1" contype="0" conaffinity="1" condim="3" friction="{FRICTION} 0 0"/>'
         option = f'<option timestep="{DT}" integrator="implicitfast"/>'
-        self.model = mujoco.MjModel.from_xml_string(mjcf(rig, spheres, drive, floor, option))
-        self.data, self.rollout = mujoco.MjData(self.model), rollout
-        full = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        self.state = np.zeros((len(q), mujoco.mj_stateSize(self.model, full)))
-        for row, configuration, velocity in zip(self.state, q, v, strict=True):
-            mujoco.mj_resetData(self.model, self.data)
-            self.data.qpos[:], self.data.qvel[:] = mujoco_configuration(rig, configuration), velocity
-            self.data.qvel[:3] = art.link_poses(rig, configuration)[0, :3, :3] @ velocity[:3]
-            mujoco.mj_getState(self.model, self.data, row, full)
-
-    def run(self, steps: int) -> np.ndarray:
-        return self.rollout.rollout(self.model, self.data, self.state, nstep=steps)[0][:, -1]
+        super().__init__(mjcf(rig, spheres, drive, floor, option), rig, q, v)
 
 
 def contact(native: bool) -> None:

@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
-from peers import mjcf, mujoco_configuration
+from peers import Rollout, mjcf
 from timing import median, ratio, timed, turns
 
 import articulated as art
@@ -83,13 +83,10 @@ def falling(rig: art.Rig, count: int) -> tuple[np.ndarray, np.ndarray]:
     return q, v
 
 
-class MuJoCo:
-    """mujoco.rollout on one thread, default Newton solver, pyramidal cones, implicitfast."""
+class MuJoCo(Rollout):
+    """With pairs."""
 
     def __init__(self, rig: art.Rig, some: list[tuple[str, str]], q: np.ndarray, v: np.ndarray):
-        import mujoco
-        from mujoco import rollout
-
         def place(pose: np.ndarray, p=(0.0, 0.0, 0.0)) -> str:
             x, (a, b) = pose[:3, :3] @ p + pose[:3, 3], pose[:3, :2].T
             return f'pos="{" ".join(map(repr, x.tolist()))}" xyaxes="{" ".join(map(repr, [*a.tolist(), *b.tolist()]))}"'
@@ -115,18 +112,7 @@ class MuJoCo:
         friction = f'condim="3" friction="{FRICTION} {FRICTION} 0 0 0"'
         contact = "".join(f'<pair geom1="{a}" geom2="{b}" {friction}/>' for a, b in some)
         text = mjcf(rig, geoms, joint, floor, option).replace("</mujoco>", f"<contact>{contact}</contact></mujoco>")
-        self.model = mujoco.MjModel.from_xml_string(text)
-        self.data, self.rollout = mujoco.MjData(self.model), rollout
-        full = mujoco.mjtState.mjSTATE_FULLPHYSICS
-        self.state = np.zeros((len(q), mujoco.mj_stateSize(self.model, full)))
-        for row, configuration, velocity in zip(self.state, q, v, strict=True):
-            mujoco.mj_resetData(self.model, self.data)
-            self.data.qpos[:], self.data.qvel[:] = mujoco_configuration(rig, configuration), velocity
-            self.data.qvel[:3] = art.link_poses(rig, configuration)[0, :3, :3] @ velocity[:3]
-            mujoco.mj_getState(self.model, self.data, row, full)
-
-    def run(self, steps: int) -> np.ndarray:
-        return self.rollout.rollout(self.model, self.data, self.state, nstep=steps)[0][:, -1]
+        super().__init__(text, rig, q, v)
 
 
 def write(rig: art.Rig, file: Path) -> None:

@@ -123,6 +123,27 @@ def mujoco_forward(rig: art.Rig, q: np.ndarray, v: np.ndarray, tau: np.ndarray) 
     return timed(lambda: mujoco.mj_forward(model, data))
 
 
+class Rollout:
+    """mujoco.rollout on one thread, default Newton solver, pyramidal cones: of a model with a free root, and some states."""
+
+    def __init__(self, text: str, rig: art.Rig, q: np.ndarray, v: np.ndarray):
+        import mujoco
+        from mujoco import rollout
+
+        self.model = mujoco.MjModel.from_xml_string(text)
+        self.data, self.rollout = mujoco.MjData(self.model), rollout
+        full = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        self.state = np.zeros((len(q), mujoco.mj_stateSize(self.model, full)))
+        for row, configuration, velocity in zip(self.state, q, v, strict=True):
+            mujoco.mj_resetData(self.model, self.data)
+            self.data.qpos[:], self.data.qvel[:] = mujoco_configuration(rig, configuration), velocity
+            self.data.qvel[:3] = art.link_poses(rig, configuration)[0, :3, :3] @ velocity[:3]
+            mujoco.mj_getState(self.model, self.data, row, full)
+
+    def run(self, steps: int) -> np.ndarray:
+        return self.rollout.rollout(self.model, self.data, self.state, nstep=steps)[0][:, -1]
+
+
 def mujoco_configuration(rig: art.Rig, q: np.ndarray) -> np.ndarray:
     """q with quaternions scalar first, as MuJoCo has them."""
     q = q.copy()

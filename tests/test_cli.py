@@ -82,7 +82,17 @@ class TestSimulate:
         (tmp_path / "two.urdf").write_text(f'<robot name="two"><link name="base"/>{links}{joints}</robot>')
         disabled = '<robot name="two"><disable_collisions link1="a" link2="b" reason="Never"/></robot>'
         (tmp_path / "two.srdf").write_text(disabled)
-        start = ["simulate", str(tmp_path / "two.urdf"), "--pose", "a_joint=90deg", "--duration", "1", "--dt", "0.001", "--quiet"]
+        start = [
+            "simulate",
+            str(tmp_path / "two.urdf"),
+            "--pose",
+            "a_joint=90deg",
+            "--duration",
+            "1",
+            "--dt",
+            "0.001",
+            "--quiet",
+        ]
         nearest = {}
         for name, more in {
             "touch": ["--collisions"],
