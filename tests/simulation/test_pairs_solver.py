@@ -35,7 +35,7 @@ def two_ragdolls(rng):
     q = np.concatenate([q[:STATES], q[STATES:]], axis=1)
     put(rig, q, 0, (0.0, 0.0, 1.0))
     put(rig, q, 1, rng.uniform([-0.1, -0.1, 0.9], [0.1, 0.1, 1.1], (STATES, 3)))
-    parts = ("torso", "head", "*forearm")
+    parts = ("torso", "*forearm")
     pairs = [(f"left/{a}", f"right/{b}") for a in parts for b in parts]
     return rig, q, rng.normal(size=(STATES, rig.nv)), pairs
 
