@@ -10,7 +10,7 @@ from articulated.dynamics.loops.closure import Line
 from articulated.dynamics.loops.factor import Factor
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree
-from articulated.scalar import UNDEFINED, Scalar, given, unfolded, where
+from articulated.scalar import UNDEFINED, Scalar, either, given, unfolded, where
 from articulated.spatial import ArticulatedInertia, Force, Mat3, Sym3, Vec3
 
 
@@ -40,8 +40,8 @@ class Load:
 
     def on_body(self, i: int, acts: Scalar, inertia: ArticulatedInertia, bias: Force) -> None:
         """Add something that is nothing unless the mask `acts` holds."""
-        new = given(acts, lambda: [*self.IA[i] + inertia, *self.pA[i] + bias], [*self.IA[i], *self.pA[i]])
-        self.IA[i], self.pA[i] = ArticulatedInertia.of(new[:21]), Force.of(new[21:])
+        old = self.IA[i], self.pA[i]
+        self.IA[i], self.pA[i] = given(acts, lambda: (old[0] + inertia, old[1] + bias), old)
 
     def on_pair(self, i: int, j: int, acts: Scalar, inertia: ArticulatedInertia, bias: Force) -> None:
         """Likewise something that acts on body i one way, and on body j the other."""
@@ -50,14 +50,16 @@ class Load:
             return
         one = self.pairs[i, j]
 
-        def both() -> list[Scalar]:
-            # what does not act is not defined
-            alone = [where(one.acts, x, 0.0) for x in (*one.IA, *one.pA)]
-            return [x + where(acts, y, 0.0) for x, y in zip(alone, (*inertia, *bias), strict=True)]
+        nothing = ArticulatedInertia.zero(), Force.zero()
 
-        either = where(one.acts, 1.0, where(acts, 1.0, 0.0)) > 0.5
-        new = given(either, both, [UNDEFINED] * 27)
-        self.pairs[i, j] = Pull(either, ArticulatedInertia.of(new[:21]), Force.of(new[21:]))
+        def both() -> tuple[ArticulatedInertia, Force]:
+            # what does not act is not defined
+            (IA, pA), (IB, pB) = either(one.acts, (one.IA, one.pA), nothing), either(acts, (inertia, bias), nothing)
+            return IA + IB, pA + pB
+
+        acting = where(one.acts, 1.0, where(acts, 1.0, 0.0)) > 0.5
+        undefined = ArticulatedInertia.of([UNDEFINED] * 21), Force.of([UNDEFINED] * 6)
+        self.pairs[i, j] = Pull(acting, *given(acting, both, undefined))
 
     def on_joint(self, direction: dict[int, Scalar], mass: Scalar, p: Scalar) -> None:
         for s, x in direction.items():

@@ -250,10 +250,8 @@ class Simulation:
     def contacts(self, state: State) -> Contacts:
         """Where a state's points of contact are, and how they were pushed in the last step: what sensors feel."""
         scene, batch = self._world.scene, state.work.shape
-        geometry, shapes = (
-            contact_geometry(scene, state.q),
-            (("contact_forces", scene.touches), ("pair_forces", len(scene.pairs))),
-        )
+        geometry = contact_geometry(scene, state.q)
+        shapes = ("contact_forces", scene.touches), ("pair_forces", len(scene.pairs))
         forces = np.concatenate([self._shown(state, name, 3 * n).reshape(*batch, n, 3) for name, n in shapes], axis=-2)
         links, others = contact_links(scene), contact_others(scene)
         return Contacts(links, others, geometry[..., :3], geometry[..., 3:6], geometry[..., 6], forces)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from articulated.scalar import Scalar
 from articulated.spatial.matrix import Mat3, Sym3
@@ -36,13 +37,13 @@ class RigidInertia:
         return ArticulatedInertia(self.J, Mat3.skew(self.h), Sym3.scaled_identity(self.mass))
 
 
+@dataclass(slots=True, eq=False)
 class ArticulatedInertia:
     """[[J, H], [Hᵀ, M]]: the inertia that a body shows while its subtree gives way, RBDA 7.1."""
 
-    __slots__ = ("H", "J", "M")
-
-    def __init__(self, J: Sym3, H: Mat3, M: Sym3):
-        self.J, self.H, self.M = J, H, M
+    J: Sym3
+    H: Mat3
+    M: Sym3
 
     @staticmethod
     def zero() -> ArticulatedInertia:

@@ -92,13 +92,16 @@ class Mat3:
         return Sym3.upper_of_product(self @ A.as_matrix(), self)
 
 
+@dataclass(slots=True, eq=False)
 class Sym3:
     """A symmetric 3x3 matrix: xx, xy, xz, yy, yz, zz."""
 
-    __slots__ = ("xx", "xy", "xz", "yy", "yz", "zz")
-
-    def __init__(self, xx: Scalar, xy: Scalar, xz: Scalar, yy: Scalar, yz: Scalar, zz: Scalar):
-        self.xx, self.xy, self.xz, self.yy, self.yz, self.zz = xx, xy, xz, yy, yz, zz
+    xx: Scalar
+    xy: Scalar
+    xz: Scalar
+    yy: Scalar
+    yz: Scalar
+    zz: Scalar
 
     def __iter__(self) -> Iterator[Scalar]:
         return iter((self.xx, self.xy, self.xz, self.yy, self.yz, self.zz))

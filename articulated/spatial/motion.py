@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 from articulated.scalar import Scalar
 from articulated.spatial.vector import Vec3
 
 
+@dataclass(slots=True, eq=False)
 class Force:
     """A spatial force or momentum: the couple about the origin, then the linear force."""
 
-    __slots__ = ("angular", "linear")
-
-    def __init__(self, angular: Vec3, linear: Vec3):
-        self.angular, self.linear = angular, linear
+    angular: Vec3
+    linear: Vec3
 
     @staticmethod
     def zero() -> Force:
@@ -39,13 +39,12 @@ class Force:
         return Force(self.angular * s, self.linear * s)
 
 
+@dataclass(slots=True, eq=False)
 class Motion:
     """A spatial velocity or acceleration: the angular part, then the linear part at the origin."""
 
-    __slots__ = ("angular", "linear")
-
-    def __init__(self, angular: Vec3, linear: Vec3):
-        self.angular, self.linear = angular, linear
+    angular: Vec3
+    linear: Vec3
 
     @staticmethod
     def zero() -> Motion:

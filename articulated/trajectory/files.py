@@ -57,9 +57,8 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
     if later:
         raise ValueError(f"{name} has format {about['format']}; this version reads up to {FORMAT}: update articulated")
     try:
-        names["contact_others"] = names["contact_others"] or ("",) * len(
-            names["contact_links"]
-        )  # before format 4 all was ground
+        if not names["contact_others"]:  # before format 4 all was ground
+            names["contact_others"] = ("",) * len(names["contact_links"])
         arrays = _complete(content, rig, len(names["contact_links"]), len(names["loop_rows"]))
     except KeyError as error:
         raise ValueError(f"{name} is not a trajectory, or is damaged (no {error})") from None

@@ -24,7 +24,7 @@ from articulated.simulation.implicit.iterate import Iterate
 from articulated.simulation.implicit.laws import dot
 from articulated.simulation.implicit.linear import Linear
 from articulated.simulation.implicit.terms import Contact, Reaction
-from articulated.simulation.implicit.values import Terms, Values, motion_of
+from articulated.simulation.implicit.values import Terms, Values
 from articulated.spatial import Force, Motion, Vec3
 
 TURNS = 20
@@ -58,8 +58,8 @@ def solve(sweep: Sweep, linear: Linear, at: Iterate) -> tuple[list[Scalar], list
         """Jᵀ G J p."""
         motions = terms.motions(sweep.tree.velocities(spread(sweep, p)))
 
-        def push(contact: Contact, numbers: Sequence[Scalar], own: Sequence[Scalar], other: Sequence[Scalar]) -> list[Scalar]:
-            u = contact.velocity(motion_of(own), motion_of(other))
+        def push(contact: Contact, numbers: Sequence[Scalar], own: Motion, other: Motion) -> list[Scalar]:
+            u = contact.velocity(own, other)
             return _force(contact, Reaction.of(numbers, contact.n).times(u))
 
         pushes = terms.of_pairs(push, 6, linear.reactions[first:], *(x[first:] for x in motions), otherwise=0.0)
@@ -103,7 +103,7 @@ def _along(sweep: Sweep, terms: Terms, pushes: Sequence[Sequence[Scalar] | None]
     if others is not None:
         for contact, y in zip(terms.contacts[: terms.grounded], others.contacts, strict=False):
             body, force = contact.body, _force(contact, Vec3.of(y))
-            F[body] = Force.of(given(contact.near, lambda b=body, f=force: [*F[b] + Force.of(f)], [*F[body]]))
+            F[body] = given(contact.near, lambda b=body, f=force: F[b] + Force.of(f), F[body])
         for joint, y in zip(terms.joints, others.joints, strict=True):
             direction = joint.direction if joint.rope is None else joint.rope[1].turns
             if joint.rope is not None and joint.rope[1].K is not None:

@@ -15,7 +15,6 @@ from articulated.simulation.implicit.momentum import Past
 from articulated.simulation.implicit.problem import ANCHORING, FASTEST_SAG, REACH, hinge
 from articulated.simulation.implicit.stance import Stance
 from articulated.simulation.implicit.terms import Contact
-from articulated.simulation.implicit.values import motion_of
 from articulated.simulation.scene import Numbers, Scene
 from articulated.spatial import Mat3, Motion, Vec3
 
@@ -30,15 +29,17 @@ def meetings(
     sides, materials, grips, felt, first = [], [], [], [], 0
     for pair in scene.pairs:
         bodies = zip((pair.a, pair.b), scene.ends(pair), strict=True)
-        sides.append([_Side.of(scene.pieces[k], now, past, V, body).numbers() for k, body in bodies])
+        sides.append([_Side.of(scene.pieces[k], now, past, V, body) for k, body in bodies])
         material = numbers.materials[pair.material]
         materials.append([material.friction, material.stiffness, material.dissipation])
         grips.append(stance.grips[first : first + scene.points_of(pair)])
         felt.append(scene.felt(scene.touches + first))
         first += scene.points_of(pair)
 
-    def of_pair(a: Placed, b: Placed, sides: Sequence, material: Sequence[Scalar], w: Scalar, grips: Sequence) -> list[Scalar]:
-        own, other = (_Side.from_numbers(side) for side in sides)
+    def of_pair(
+        a: Placed, b: Placed, sides: Sequence[_Side], material: Sequence[Scalar], w: Scalar, grips: Sequence
+    ) -> list[Scalar]:
+        own, other = sides
         reach = own.reach + other.reach + h * (REACH + own.fastest(a.center, other, b.center))
 
         def near() -> list[Scalar]:
@@ -88,18 +89,6 @@ class _Side:
         omega = V[body].angular
         spin = sqrt(omega.dot(omega)) * piece.reach
         return _Side(piece.reach, piece.round, spin, V[body], Mat3.identity() @ now.X[body].R, *past.straying(now, body))
-
-    def numbers(self) -> list[Scalar]:
-        """All that it is."""
-        matrices = [x for matrix in (self.R, self.D) for row in matrix.rows for x in row]
-        return [self.reach, self.round, self.spin, *self.V.angular, *self.V.linear, *self.c, *matrices]
-
-    @staticmethod
-    def from_numbers(numbers: Sequence[Scalar]) -> _Side:
-        """The reverse of `numbers`."""
-        reach, round, spin, *rest = numbers
-        R, D = (Mat3.of([rest[k : k + 3] for k in (at, at + 3, at + 6)]) for at in (9, 18))
-        return _Side(reach, round, spin, motion_of(rest[:6]), R, D, Vec3.of(rest[6:9]))
 
     def fastest(self, middle: Vec3, other: _Side, its: Vec3) -> Scalar:
         """The largest speed between two points of both, with these middles."""

@@ -10,7 +10,7 @@ from typing import Any
 from articulated.dynamics.mechanism import WORLD
 from articulated.scalar import UNDEFINED, Scalar, each, fold, given
 from articulated.simulation.implicit.terms import Contact, JointTerm
-from articulated.spatial import Motion, Vec3
+from articulated.spatial import Motion
 
 Three = list[Scalar]
 OfContact = Callable[..., list[Scalar]]
@@ -56,9 +56,9 @@ class Terms:
         own, other = self.motions(V)
         return Values(self.each(_relative, 3, own, other), [j.velocity(V, v) for j in self.joints])
 
-    def motions(self, V: Sequence[Motion]) -> tuple[list[list[Scalar]], list[list[Scalar]]]:
+    def motions(self, V: Sequence[Motion]) -> tuple[list[Motion], list[Motion]]:
         """Of each contact the velocities of its body and of the other one."""
-        return [_numbers(V, c.body) for c in self.contacts], [_numbers(V, c.other) for c in self.contacts]
+        return [_motion(V, c.body) for c in self.contacts], [_motion(V, c.other) for c in self.contacts]
 
     def each(self, f: OfContact, n: int, *values: Sequence[Any]) -> list[list[Scalar]]:
         """n numbers of each contact, not defined if it is not near."""
@@ -182,17 +182,12 @@ def between(alpha: Scalar, a: Sequence[Scalar], b: Sequence[Scalar]) -> list[Sca
     return [y - left * (y - x) for x, y in zip(a, b, strict=True)]
 
 
-def _relative(contact: Contact, own: Sequence[Scalar], other: Sequence[Scalar]) -> list[Scalar]:
-    return list(contact.velocity(motion_of(own), motion_of(other)))
+def _relative(contact: Contact, own: Motion, other: Motion) -> list[Scalar]:
+    return list(contact.velocity(own, other))
 
 
-def motion_of(numbers: Sequence[Scalar]) -> Motion:
-    """A motion from its numbers, angular ones first."""
-    return Motion(Vec3.of(numbers[:3]), Vec3.of(numbers[3:]))
-
-
-def _numbers(V: Sequence[Motion], body: int) -> list[Scalar]:
-    return [0.0] * 6 if body == WORLD else [*V[body].angular, *V[body].linear]
+def _motion(V: Sequence[Motion], body: int) -> Motion:
+    return Motion.zero() if body == WORLD else V[body]
 
 
 def _more(total: Sequence[Scalar], numbers: Callable[[], Sequence[Scalar]]) -> list[Scalar]:
