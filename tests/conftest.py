@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 
@@ -38,6 +39,13 @@ def double_pendulum() -> art.Rig:
     builder.joint("shoulder", "ball", "base", "upper")
     builder.joint("elbow", "ball", "upper", "lower", xyz=(0.0, 0.0, -1.0))
     return builder.build()
+
+
+@pytest.fixture
+def interpreted(monkeypatch):
+    """Long sweeps look at algorithms; test_compiled.py holds compiled results against these. COMPILED=1 compiles them all."""
+    if not os.environ.get("COMPILED"):
+        monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
 
 
 @pytest.fixture

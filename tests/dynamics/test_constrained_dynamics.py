@@ -14,6 +14,7 @@ import articulated as art
 from articulated.crosscheck import PinocchioModel
 
 MECHANISMS = list(guesses())
+pytestmark = pytest.mark.usefixtures("interpreted")
 WITH_AXIS = ("hinge", "slider", "universal", "cylindrical", "planar")
 
 
@@ -319,12 +320,20 @@ def test_bennett_follows_its_own_relation():
 
 @pytest.mark.parametrize("name", ["four bar", "delta", "crane", "gears", "bar"])
 def test_compiled_is_as_interpreted(name, monkeypatch):
-    rig, loops, q, v, tau, _ = closed_states(name, 9)
-    compiled = art.constrained_dynamics(rig, loops, q, v, tau)
-    single = art.constrained_dynamics(rig, loops, *(x.astype(np.float32) for x in (q, v, tau)))
+    monkeypatch.delenv("ARTICULATED_INTERPRET", raising=False)
+    rig, loops, q, v, tau, rng = closed_states(name, 9)
+    u = rng.normal(size=v.shape)
+
+    def results(dtype=np.float64):
+        q1, v1, tau1, u1 = (x.astype(dtype) for x in (q, v, tau, u))
+        a, f = art.constrained_dynamics(rig, loops, q1, v1, tau1)
+        kinematics = (art.loop_gaps(rig, loops, q1), art.loop_jacobian(rig, loops, q1), art.project_velocity(rig, loops, q1, u1))
+        return [a, f, *kinematics]
+
+    compiled, single = results(), results(np.float32)
     monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
-    interpreted = art.constrained_dynamics(rig, loops, q, v, tau)
-    size = np.abs(interpreted[0]).max()
-    np.testing.assert_allclose(compiled[0], interpreted[0], atol=1e-8 * size)
-    assert single[0].dtype == np.float32
-    np.testing.assert_allclose(single[0], interpreted[0], atol=1e-2 * size)
+    for x, y, expected in zip(compiled, single, results(), strict=True):
+        size = max(1.0, np.abs(expected).max())
+        np.testing.assert_allclose(x, expected, atol=1e-8 * size)
+        assert y.dtype == np.float32
+        np.testing.assert_allclose(y, expected, atol=1e-2 * size)

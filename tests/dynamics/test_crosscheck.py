@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 
 import numpy as np
 import pytest
@@ -41,13 +40,6 @@ EVERY_FUNCTION = {
     "integrate",
     "difference",
 }
-
-
-@pytest.fixture
-def interpreted(monkeypatch):
-    """The long sweeps look at algorithms; test_compiled.py holds compiled results against these. COMPILED=1 compiles them all."""
-    if not os.environ.get("COMPILED"):
-        monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
 
 
 def assert_agrees(reference: PinocchioModel, samples: int = 20) -> None:
@@ -96,7 +88,7 @@ def test_random_trees(interpreted, block):
 
 
 @pytest.mark.parametrize("seed", range(1000, 1012))
-def test_random_trees_with_followers_and_armature(seed):
+def test_random_trees_with_followers_and_armature(interpreted, seed):
     rig = random_rig(seed, mimic=True, armature=True, size=10)
     assert_agrees(PinocchioModel.from_rig(rig), samples=5)
 
