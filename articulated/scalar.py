@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import fields, is_dataclass, replace
-from functools import reduce
+from dataclasses import fields, is_dataclass
+from functools import cache, reduce
 from typing import Any
 
 import numpy as np
@@ -166,20 +166,28 @@ Nested = Any
 
 def flatten(nested: Nested) -> list[Scalar]:
     """The scalars of a nested structure, in order; None holds none."""
-    if isinstance(nested, (list, tuple)):
+    kind = type(nested)
+    if kind is list or kind is tuple:
         return [x for part in nested for x in flatten(part)]
-    if is_dataclass(nested):
-        return [x for part in fields(nested) for x in flatten(getattr(nested, part.name))]
+    if names := _parts(kind):
+        return [x for name in names for x in flatten(getattr(nested, name))]
     return [] if nested is None else [nested]
 
 
 def rebuilt(like: Nested, scalars: Iterator[Scalar]) -> Nested:
     """A structure like the one given, of other scalars."""
-    if isinstance(like, (list, tuple)):
-        return type(like)(rebuilt(part, scalars) for part in like)
-    if is_dataclass(like):
-        return replace(like, **{part.name: rebuilt(getattr(like, part.name), scalars) for part in fields(like)})  # type: ignore[type-var]
+    kind = type(like)
+    if kind is list or kind is tuple:
+        return kind([rebuilt(part, scalars) for part in like])
+    if names := _parts(kind):
+        return kind(*[rebuilt(getattr(like, name), scalars) for name in names])
     return None if like is None else next(scalars)
+
+
+@cache
+def _parts(kind: type) -> tuple[str, ...]:
+    """The names of what a dataclass is made of, in the order in which it takes them; of anything else, none."""
+    return tuple(part.name for part in fields(kind)) if is_dataclass(kind) else ()
 
 
 UNDEFINED = math.nan
@@ -193,10 +201,33 @@ def each(rows: Sequence[Nested], body: Callable[[Nested], Nested]) -> list[Neste
     is a constant in all rows but not the same in all is a variable in it. What is `given` under a mask, or else `UNDEFINED`, is
     not even written where no state of a group needs it.
     """
-    for x in flatten(rows):
+    scalars = flatten(rows)
+    for x in scalars:
         if hasattr(x, "graph"):
             return x.each(rows, body)
-    return [body(row) for row in rows]
+    arrays = [x for x in scalars if isinstance(x, np.ndarray)]
+    return _at_once(rows, body, arrays) if arrays and len(rows) > 1 else [body(row) for row in rows]
+
+
+def _at_once(rows: Sequence[Nested], body: Callable[[Nested], Nested], arrays: Sequence[np.ndarray]) -> list[Nested]:
+    """What `body` makes of all rows, as arrays of them all."""
+    shape, dtype = np.broadcast_shapes(*(x.shape for x in arrays)), np.result_type(*arrays)
+
+    def stacked(column: Sequence[Scalar]) -> Scalar:
+        if all(x is column[0] for x in column):
+            return column[0]
+        if not any(isinstance(x, np.ndarray) for x in column):
+            return np.array(column, dtype).reshape(-1, *[1] * len(shape))
+        result = np.empty((len(column), *shape), dtype)
+        for r, x in enumerate(column):
+            result[r] = x
+        return result
+
+    columns = zip(*map(flatten, rows), strict=True)
+    made = body(rebuilt(rows[0], iter([stacked(column) for column in columns])))
+    count = len(rows)
+    parts = [np.broadcast_to(x, (count, *shape)) if isinstance(x, np.ndarray) else [x] * count for x in flatten(made)]
+    return [rebuilt(made, iter([part[r] for part in parts])) for r in range(count)]
 
 
 def fold(rows: Sequence[Nested], body: Callable[[Nested, Nested], Nested], carry: Nested) -> Nested:

@@ -9,7 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from articulated.compiler import Array, Program, compiled
 from articulated.scalar import Scalar
-from articulated.simulation.contact.narrow.placed import Block, Hull, Polyhedron, Rod, Roller
+from articulated.simulation.contact.narrow.placed import Block, Hull, Rod, Roller
+from articulated.simulation.contact.narrow.solids import Polyhedron, Solid
 from articulated.simulation.contact.polyhedra import polyhedron
 from articulated.spatial import Mat3, Vec3
 
@@ -70,7 +71,7 @@ def shape(kind, size, center, rotation: Rotation):
         return Roller(vector(center), vector(R[..., 2]), *size)
     if kind == "box":
         return Block(vector(center), matrix(R), tuple(size))
-    return Hull(vector(center), matrix(R), size)
+    return Hull(vector(center), matrix(R), Solid.of(size))
 
 
 def sizes(touches) -> np.ndarray:
@@ -111,7 +112,7 @@ def from_rows(kind, size, numbers):
     """A shape of such numbers; only of a hull the size is a constant."""
     center, R, sizes = Vec3.of(numbers[0]), Mat3.of(numbers[1:4]), numbers[4]
     if kind == "hull":
-        return Hull(center, R, size)
+        return Hull(center, R, Solid.of(size))
     if kind == "box":
         return Block(center, R, tuple(sizes))
     axis = R.column(2)

@@ -113,6 +113,13 @@ class Text:
     def load(self, pointer: str, kind: str, align: int) -> str:
         return self.let(f"load {kind}, ptr {pointer}, align {align}")
 
+    def spread(self, x: str) -> str:
+        """A number in all lanes."""
+        if self.f.lanes == 1:
+            return x
+        first = self.let(f"insertelement {self.V} poison, {self.f.number} {x}, i32 0")
+        return self.shuffle(self.V, first, "poison", [0] * self.f.lanes)
+
     def word(self, pointer: str, k: int | str = 0, kind: str = "i64") -> str:
         """The k-th of some integers of 64 bits, or pointers."""
         return self.let(f"load {kind}, ptr {self.entry(pointer, k)}")

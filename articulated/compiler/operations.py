@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Protocol
 
 from articulated.compiler.branches import Branch, branched
@@ -49,7 +50,7 @@ def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, place
             operations.values = {-1 - chunk.rows.region: row}
             _compute(chunk, operations)
     text = operations.text.function("void", name, "ptr noalias %scratch", linkage="")
-    return "\n".join([*operations.tables, text])
+    return "\n".join([*operations.tables(), text])
 
 
 def _compute(chunk: Chunk, operations: _Operations) -> None:
@@ -97,7 +98,8 @@ class _Operations:
     ):
         self.schedule, self.f, self.text, self.name, self._places = schedule, f, Text(f), name, places
         self.values: dict[int, str] = {}
-        self.tables: list[str] = []
+        self.places_of_rows: list[str] = []
+        self.numbers: dict[int, dict[int, int]] = {}
         self.yields, self.put = yields, set[tuple[int, int, int]]()
 
     @property
@@ -175,9 +177,7 @@ class _Operations:
             if op == "const":
                 self.values[i] = self.f.constant(parts[0])
             elif op == "column":
-                loop, k = parts
-                there = self._in_row(loop, self.schedule.loops[loop - 1].columns[k])
-                self.values[i] = self.text.load(there, self.text.V, self.f.vector_bytes)
+                self.values[i] = self._column(*parts)
             else:
                 x = self.loaded(i)
                 self.values[i] = self.text.let(f"fcmp une {self.text.V} {x}, zeroinitializer") if op in MASKS else x
@@ -191,15 +191,44 @@ class _Operations:
         there = self._in_row(loop, [self.schedule.made.get((loop, r, k), _NOWHERE) for r in rows])
         self.text.do(f"store {self.text.V} {x}, ptr {there}, align {self.f.vector_bytes}")
 
+    def _column(self, loop: int, k: int) -> str:
+        """What column k has in the row that a loop is at."""
+        text, f, nodes = self.text, self.f, self.schedule.loops[loop - 1].columns[k]
+        if any(self.schedule.nodes[i][0] != "const" for i in nodes):
+            return text.load(self._in_row(loop, nodes), text.V, f.vector_bytes)
+        columns = self.numbers.setdefault(loop, {})
+        n = columns.setdefault(k, len(columns))
+        row = f"%{self.name}.row{loop}, ptr @{self.name}.rows{loop}, i64 {self._turn(loop)}"
+        return text.spread(text.load(text.let(f"getelementptr {row}, i64 {n}"), f.number, f.bytes))
+
+    def tables(self) -> list[str]:
+        """What is to be told before the function."""
+        return [*self.places_of_rows, *(self._numbers(loop, list(columns)) for loop, columns in self.numbers.items())]
+
+    def _numbers(self, loop: int, columns: Sequence[int]) -> str:
+        """Columns of numbers that are known; those of a row are side by side."""
+        one, nodes, kind = replace(self.f, lanes=1), self.schedule.nodes, f"{self.name}.row{loop}"
+        numbers = [
+            [f"{one.number} {one.constant(nodes[i][1])}" for i in self.schedule.loops[loop - 1].columns[k]] for k in columns
+        ]
+        rows = [f"%{kind} [{', '.join(row)}]" for row in zip(*numbers, strict=True)]
+        table = f"@{self.name}.rows{loop} = internal constant [{len(rows)} x %{kind}] [{', '.join(rows)}]"
+        return f"%{kind} = type [{len(columns)} x {one.number}]\n{table}"
+
+    def _turn(self, loop: int) -> str:
+        """The number of the row that a loop is at."""
+        key = -1 - loop
+        if key not in self.values:
+            self.values[key] = self.text.word(self.text.at("%scratch", self.places.turn(loop)))
+        return self.values[key]
+
     def _in_row(self, loop: int, nodes: Sequence[int]) -> str:
         """Where that of some nodes is which belongs to the row that a loop is at."""
-        text, key = self.text, -1 - loop
-        if key not in self.values:
-            self.values[key] = text.word(text.at("%scratch", self.places.turn(loop)))
-        name, size = f"@{self.name}.{len(self.tables)}", f"[{len(nodes)} x i32]"
+        text, turn = self.text, self._turn(loop)
+        name, size = f"@{self.name}.{len(self.places_of_rows)}", f"[{len(nodes)} x i32]"
         entries = ", ".join(f"i32 {self.places.place(i)}" for i in nodes)
-        self.tables.append(f"{name} = internal constant {size} [{entries}]")
-        entry = text.let(f"getelementptr i32, ptr {name}, i64 {self.values[key]}")
+        self.places_of_rows.append(f"{name} = internal constant {size} [{entries}]")
+        entry = text.let(f"getelementptr i32, ptr {name}, i64 {turn}")
         return text.at("%scratch", text.let(f"sext i32 {text.load(entry, 'i32', 4)} to i64"))
 
     def loaded(self, i: int) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+
 import numpy as np
 import pytest
 
@@ -16,7 +18,7 @@ BATCH, WIDTH = 21, 24
 
 
 def random_program(seed):
-    """Loops over rows of what there is, of what other loops made, and within loops; with branches, and sums over rows."""
+    """Loops over rows of what there is, of numbers, of what other loops made, and within loops; with branches, and sums."""
 
     def algorithm(x):
         rng = np.random.default_rng(seed)
@@ -60,7 +62,7 @@ def random_program(seed):
             return scalar.given(row[0] > 0.1, lambda: [sums[0] + row[0] * row[-1]], sums)
 
         for _ in range(4):
-            some = made(rows(int(rng.integers(2, 6)), int(rng.integers(2, 5))))
+            some = made([[*row, float(rng.normal())] for row in rows(int(rng.integers(2, 6)), int(rng.integers(1, 4)))])
             again = made(some)
             total = scalar.fold(again, add, [pick()])
             values += [x for numbers in (*some, *again) for x in numbers] + total
@@ -71,7 +73,8 @@ def random_program(seed):
 
 
 def run(algorithm, x, name):
-    program = Program("rows", name.encode(), (Array("x", x.shape[1:]),), (Array("y", (WIDTH,)),), lambda _, x: [algorithm(x)])
+    content = f"{name} of {inspect.getsource(random_program)}".encode()
+    program = Program("rows", content, (Array("x", x.shape[1:]),), (Array("y", (WIDTH,)),), lambda _, x: [algorithm(x)])
     y = np.empty((len(x), WIDTH), x.dtype)
     batch = (len(x),)
     compiled(program, x.dtype == np.float32, None)([states(x, batch, 1), states(y, batch, 1)], len(x), 1)
@@ -83,8 +86,17 @@ def test_machine_code_does_what_is_written(seed):
     x = np.random.default_rng(seed).normal(size=(BATCH, 9))
     expected = np.empty((BATCH, WIDTH))
     evaluate(random_program(seed), [(x, 1)], expected, (BATCH,))
-    assert len(np.unique(expected)) > BATCH * WIDTH // 3
+    assert len(np.unique(expected)) > BATCH * WIDTH // 4
     np.testing.assert_allclose(run(random_program(seed), x, f"{seed}"), expected, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_of_arrays_are_rows_of_floats(seed):
+    x = np.random.default_rng(seed).normal(size=(BATCH, 9))
+    results = np.empty((BATCH, WIDTH))
+    evaluate(random_program(seed), [(x, 1)], results, (BATCH,))
+    for row, state in zip(results, x, strict=True):
+        np.testing.assert_allclose(row, random_program(seed)(state.tolist()), rtol=1e-12, atol=1e-12)
 
 
 @pytest.mark.parametrize("level", list(_levels()))

@@ -73,5 +73,5 @@ def test_example_robots(robots, robot):
 @pytest.mark.sweep
 @pytest.mark.parametrize("block", range(10))
 def test_many_random_trees(block):
-    for seed in range(30 * block, 30 * block + 30):
+    for seed in range(15 * block, 15 * block + 15):
         assert_equal(random_rig(seed), ("forward_dynamics", "inverse_dynamics"))

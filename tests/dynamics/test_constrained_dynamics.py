@@ -327,7 +327,11 @@ def test_compiled_is_as_interpreted(name, monkeypatch):
     def results(dtype=np.float64):
         q1, v1, tau1, u1 = (x.astype(dtype) for x in (q, v, tau, u))
         a, f = art.constrained_dynamics(rig, loops, q1, v1, tau1)
-        kinematics = (art.loop_gaps(rig, loops, q1), art.loop_jacobian(rig, loops, q1), art.project_velocity(rig, loops, q1, u1))
+        kinematics = (
+            art.loop_gaps(rig, loops, q1),
+            art.loop_jacobian(rig, loops, q1),
+            art.project_velocity(rig, loops, q1, u1),
+        )
         return [a, f, *kinematics]
 
     compiled, single = results(), results(np.float32)

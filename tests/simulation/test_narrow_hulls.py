@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,9 +23,13 @@ from narrow_truths import (
     corners,
     depth,
     euler,
+    from_rows,
     halfspaces,
+    numbers,
     prism,
+    random_poses,
     rock,
+    rows,
     shape,
     sizes,
     stacked,
@@ -31,7 +37,10 @@ from narrow_truths import (
 )
 from scipy.spatial import ConvexHull
 
+from articulated.compiler import Array, Program, compiled
+from articulated.simulation.contact.meeting import each_meeting, meet
 from articulated.simulation.contact.narrow.hulls import hull_hull
+from articulated.simulation.contact.narrow.solids import Solid
 from articulated.simulation.contact.polyhedra import polyhedron
 
 
@@ -68,6 +77,44 @@ def separation(a, b, center, rotation):
     p = np.einsum("nak,nvk->nav", axes, center[:, None] + P @ np.swapaxes(R, 1, 2))
     q = axes @ Q.T
     return np.where(length > 1e-6, np.maximum(p.min(-1) - q.max(-1), q.min(-1) - p.max(-1)), -9.0).max(axis=1)
+
+
+SOLIDS = [WEDGE, CUBE, NEEDLE, rock(8), rock(12)]
+
+
+class TestManyHulls:
+    """Hulls of all sorts share their code: each is told as if it had as many vertices, faces and edges as the largest."""
+
+    @pytest.mark.parametrize("kind", ["ball", "capsule", "box", "cylinder", "hull"])
+    def test_what_is_added_makes_no_difference(self, kind):
+        p, R, q, Q = random_poses(500)
+        most = Solid.of(rock(12)).filled((13, 24, 9, 40))
+        for solid in SOLIDS:
+            hull = shape("hull", solid, p, R)
+            other = shape(kind, {"hull": solid, "box": (0.1, 0.2, 0.15)}.get(kind, (0.1, 0.2)[: 1 + (kind != "ball")]), q, Q)
+            expected = meet(hull, other)
+            full = meet(replace(hull, solid=hull.solid.filled(most.counts)), other)
+            assert (sizes(expected).min(axis=0) < 0.0).any()
+            np.testing.assert_array_equal(numbers(full), numbers(expected))
+
+    def test_rows_of_machine_code(self):
+        n, pairs = 200, list(itertools.combinations(SOLIDS, 2))
+        p, R, q, Q = random_poses(n)
+        first, second = rows("hull", None, p, R), rows("hull", None, q, Q)
+
+        def meetings(a, b):
+            shapes = [(from_rows("hull", x, a), from_rows("hull", y, b)) for x, y in pairs]
+            return [x for touches in each_meeting(shapes, meet) for x in numbers(touches)]
+
+        expected = [numbers(hull_hull(shape("hull", a, p, R), shape("hull", b, q, Q))) for a, b in pairs]
+        expected = np.array(expected).reshape(-1, n).T
+        arguments, result = (Array("a", (5, 3)), Array("b", (5, 3))), (Array("touches", expected.shape[1:]),)
+        program = Program("hulls", b"rows of hulls", arguments, result, lambda _, a, b: [meetings(a, b)])
+        found = np.empty(expected.shape)
+        compiled(program, False)([(x, x.strides[0], 0, None) for x in (first, second, found)], n, 1)
+        error = np.abs(found - expected).reshape(n, -1, 7)
+        error[expected.reshape(n, -1, 7)[..., 0] > 100.0] = 0.0  # nobody asks where a point is that is far
+        assert np.mean(error.max(axis=(1, 2)) < 1e-9) > 0.99
 
 
 class TestTwoHulls:

@@ -15,9 +15,9 @@ from articulated.dynamics.tree import Tree, tree
 from articulated.rig import Rig
 from articulated.rig.errors import did_you_mean
 from articulated.rig.fit import is_world
-from articulated.scalar import Scalar
+from articulated.scalar import Scalar, least
 from articulated.simulation.contact.collisions import Collisions, Names
-from articulated.simulation.contact.meeting import Pair, touches
+from articulated.simulation.contact.meeting import each_meeting, meet
 from articulated.simulation.contact.pieces import SCENERY, Piece, piece_of, pieces_of, place
 from articulated.spatial import Mat3, Pose, Vec3
 
@@ -172,15 +172,14 @@ def _joined(m: Mechanism) -> set[frozenset[int]]:
 def _reasons(rig: Rig, pieces: tuple[Piece, ...], pairs: tuple[tuple[int, int], ...]) -> tuple[str, ...]:
     """Why each pair needs no look; "" if it does."""
     m = mechanism(rig)
-    neutral, reasons = tree(m, list(rig.neutral()[None].T)), dict.fromkeys(pairs, "")
-    asked = []
-    for pair in pairs:
-        a, b = (pieces[k] for k in pair)
-        if not any(m.rig.joints[m.joints[i].name].kind in ("floating", "planar") for i in _between(m, a, b)):
-            if _nearest(pieces, pair, neutral).min() < -_TOUCHING * min(a.reach, b.reach):
-                reasons[pair] = "overlap when neutral"
-            else:
-                asked.append(pair)
+    reasons = dict.fromkeys(pairs, "")
+    held = [pair for pair in pairs if not _floats(m, *(pieces[k] for k in pair))]
+    neutral, asked = tree(m, list(rig.neutral()[None].T)), []
+    for pair, gaps in zip(held, _gaps(pieces, held, [neutral] * len(held)), strict=True):
+        if gaps.min() < -_TOUCHING * min(pieces[k].reach for k in pair):
+            reasons[pair] = "overlap when neutral"
+        else:
+            asked.append(pair)
     reasons |= dict.fromkeys(_apart(rig, m, pieces, asked), "never touch")
     return tuple(reasons.values())
 
@@ -207,8 +206,8 @@ def _apart(rig: Rig, m: Mechanism, pieces: Sequence[Piece], pairs: Sequence[tupl
                 joint = moving[pair][rng.integers(len(moving[pair]))]
                 q[row, list(joint.q)] = pool[rng.integers(_SAMPLES), list(joint.q)]
         now = tree(m, list(np.concatenate([*tried.values(), pool[:0]]).T))
-        for n, pair in enumerate(left):
-            gaps = _nearest(pieces, pair, _some(now, slice(n * _CANDIDATES, (n + 1) * _CANDIDATES), m, pieces, pair))
+        cut = [_some(now, slice(n * _CANDIDATES, (n + 1) * _CANDIDATES), m, pieces, pair) for n, pair in enumerate(left)]
+        for pair, gaps in zip(left, _gaps(pieces, left, cut), strict=True):
             better = gaps < best[pair][1]
             best[pair] = np.where(better[:, None], tried[pair], best[pair][0]), np.where(better, gaps, best[pair][1])
     return [pair for pair in pairs if not _touches(pieces, pair, best[pair][1])]
@@ -216,6 +215,11 @@ def _apart(rig: Rig, m: Mechanism, pieces: Sequence[Piece], pairs: Sequence[tupl
 
 def _touches(pieces: Sequence[Piece], pair: tuple[int, int], gaps: np.ndarray) -> bool:
     return bool(gaps.min() < _CLOSE * min(pieces[k].reach for k in pair))
+
+
+def _floats(m: Mechanism, a: Piece, b: Piece) -> bool:
+    """Whether one moves freely against the other."""
+    return any(m.rig.joints[m.joints[i].name].kind in ("floating", "planar") for i in _between(m, a, b))
 
 
 def _between(m: Mechanism, a: Piece, b: Piece) -> set[int]:
@@ -236,6 +240,7 @@ def _some(now: Tree, which: slice, m: Mechanism, pieces: Sequence[Piece], pair: 
     return replace(now, origin=Vec3(*map(cut, now.origin)), X=X)
 
 
-def _nearest(pieces: Sequence[Piece], pair: tuple[int, int], now: Tree) -> np.ndarray:
-    """The gap of a pair in each of some configurations."""
-    return np.min(np.broadcast_arrays(*(touch.size for touch in touches(now, pieces, [Pair(*pair, 0)]))), axis=0)
+def _gaps(pieces: Sequence[Piece], pairs: Sequence[tuple[int, int]], each: Sequence[Tree]) -> list[np.ndarray]:
+    """The gap of each pair in each of some configurations of its own."""
+    shapes = [(place(now, pieces[a]), place(now, pieces[b])) for now, (a, b) in zip(each, pairs, strict=True)]
+    return each_meeting(shapes, lambda a, b: least([touch.size for touch in meet(a, b)]))

@@ -61,24 +61,24 @@ def count(a: Piece, b: Piece) -> int:
 def each_pair(
     now: Tree, pieces: Sequence[Piece], pairs: Sequence[Pair], body: Callable[..., Nested], *values: Sequence[Any]
 ) -> list[Nested]:
-    """What `body` makes of each pair: of its two shapes as they stand, and of what belongs to it of each of some lists.
+    """As `each_meeting`, of pairs of pieces."""
+    placed = {k: place(now, pieces[k]) for pair in pairs for k in (pair.a, pair.b)}
+    return each_meeting([(placed[pair.a], placed[pair.b]) for pair in pairs], body, *values)
+
+
+def each_meeting(pairs: Sequence[tuple[Placed, Placed]], body: Callable[..., Nested], *values: Sequence[Any]) -> list[Nested]:
+    """What `body` makes of each pair of shapes, and of what belongs to it of each of some lists.
 
     Pairs of shapes of the same kinds are rows of one loop.
     """
-    placed = {k: place(now, pieces[k]) for pair in pairs for k in (pair.a, pair.b)}
     groups: dict[Any, list[int]] = {}
     for n, pair in enumerate(pairs):
-        groups.setdefault((_likeness(placed[pair.a]), _likeness(placed[pair.b])), []).append(n)
+        groups.setdefault(tuple(map(_kind, pair)), []).append(n)
     results: dict[int, Nested] = {}
     for some in groups.values():
-        likes = [placed[k] for k in (pairs[some[0]].a, pairs[some[0]].b)]
-        rows = [[*(_moving(placed[k]) for k in (pairs[n].a, pairs[n].b)), *(x[n] for x in values)] for n in some]
-
-        def of_row(row: list[Any], likes: list[Placed] = likes) -> Nested:
-            a, b = (_like(like, shape) for like, shape in zip(likes, row, strict=False))
-            return body(a, b, *row[2:])
-
-        results.update(zip(some, each(rows, of_row), strict=True))
+        sides = zip(*(_alike(side) for side in zip(*(pairs[n] for n in some), strict=True)), strict=True)
+        rows = [[*pair, *(x[n] for x in values)] for n, pair in zip(some, sides, strict=True)]
+        results.update(zip(some, each(rows, lambda row: body(*row)), strict=True))
     return [results[n] for n in range(len(pairs))]
 
 
@@ -101,19 +101,16 @@ def within(a: Placed, b: Placed, reach: Scalar) -> Scalar:
     return apart.dot(apart) < reach * reach
 
 
-def _likeness(shape: Placed) -> Any:
-    """What shapes of one kind have in common."""
-    return (type(shape), shape.solid if isinstance(shape, Hull) else isinstance(shape, Rod) and shape.half is None)
+def _kind(shape: Placed) -> Any:
+    """Shapes of one kind have code in common."""
+    return type(shape), isinstance(shape, Rod) and shape.half is None
 
 
-def _moving(shape: Placed) -> Placed:
-    """The shape without what shapes of one kind have in common."""
-    return replace(shape, solid=None) if isinstance(shape, Hull) else shape
-
-
-def _like(like: Placed, shape: Placed) -> Placed:
-    """The reverse, for a shape like another."""
-    return replace(shape, solid=like.solid) if isinstance(like, Hull) else shape
+def _alike(shapes: Sequence[Placed]) -> list[Placed]:
+    """Shapes of one kind, of as many numbers."""
+    counts = [shape.solid.counts for shape in shapes if isinstance(shape, Hull)]
+    most = tuple(map(max, zip(*counts, strict=True)))
+    return [replace(shape, solid=shape.solid.filled(most)) if isinstance(shape, Hull) else shape for shape in shapes]
 
 
 def _somewhere(piece: Piece, x: float) -> Placed:

@@ -13,7 +13,8 @@ from articulated.dynamics.tree import Tree
 from articulated.rig import Box, Capsule, Cylinder, Link, Mesh, Rig, Shape, Sphere
 from articulated.rig.errors import RigWarning
 from articulated.rig.mesh import found_mesh
-from articulated.simulation.contact.narrow.placed import Block, Hull, Placed, Polyhedron, Rod, Roller
+from articulated.simulation.contact.narrow.placed import Block, Hull, Placed, Rod, Roller
+from articulated.simulation.contact.narrow.solids import Polyhedron, Solid
 from articulated.simulation.contact.polyhedra import polyhedron_of_mesh
 from articulated.spatial import Mat3, Pose, Vec3
 
@@ -115,7 +116,7 @@ def stand(now: Tree, piece: Piece) -> tuple[Mat3, Vec3]:
 def placed(piece: Piece, R: Mat3, center: Vec3) -> Placed:
     """A piece that stands so."""
     if isinstance(piece.size, Polyhedron):
-        return Hull(center, R, piece.size)
+        return Hull(center, R, Solid.of(piece.size))
     if piece.kind == "block":
         x, y, z = piece.size
         return Block(center, R, (x, y, z))

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from articulated.rig.mesh import read_mesh
-from articulated.simulation.contact.narrow.placed import Polyhedron
+from articulated.simulation.contact.narrow.solids import Polyhedron
 
 MOST_VERTICES = 12
 """Vertices that a hull keeps; so many make 20 faces at most."""

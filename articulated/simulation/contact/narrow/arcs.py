@@ -61,11 +61,10 @@ class Side:
 
 def best_face(solid: Solid, points: Sequence[Vec3]) -> Axis:
     """The face of a polyhedron from which points are farthest; they are given in its own axes."""
-    best = None
-    for n, offset in solid.faces:
-        face = Axis(least([n.dot(x) for x in points]) - offset, n)
-        best = face if best is None else either(face.size > best.size, face, best)
-    assert best is not None
+    axes = [Axis(least([face.n.dot(x) for x in points]) - face.d, face.n) for face in solid.faces]
+    best = axes[0]
+    for axis in axes[1:]:
+        best = either(axis.size > best.size, axis, best)
     return best
 
 
@@ -89,12 +88,12 @@ def best_axis(solid: Solid, points: Sequence[Vec3]) -> tuple[Axis, Scalar]:
 def sides(solid: Solid, face: Axis, corner: Vec3) -> list[Side]:
     """The sides of a face's plane, if all others cut it; of parallel ones there is none."""
     found = []
-    for n, offset in solid.faces:
-        cosine = face.normal.dot(n)
+    for other in solid.faces:
+        cosine = face.normal.dot(other.n)
         square = 1.0 - cosine * cosine
         sine = sqrt(maximum(square, _PARALLEL))
-        beyond = (n.dot(corner) - offset - face.size * cosine) / sine  # of the corner's foot in the face's plane
-        found.append(Side(where(square > _PARALLEL, beyond, _NONE), cosine, sine, n))
+        beyond = (other.n.dot(corner) - other.d - face.size * cosine) / sine  # of the corner's foot in the face's plane
+        found.append(Side(where(square > _PARALLEL, beyond, _NONE), cosine, sine, other.n))
     return found
 
 

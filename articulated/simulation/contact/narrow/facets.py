@@ -86,33 +86,33 @@ def facet(solid: Solid, axes: Across, shift: Vec3, side: float) -> Facet:
         shift: where its own axes start, in axes across the normal.
         side: 1 or −1.
     """
-    corners = [shift + axes.of_vector(vertex) for vertex in solid.vertices]
-    heights = [side * corner.z for corner in corners]
+    heights = [side * (shift.z + axes.n.dot(vertex)) for vertex in solid.vertices]
     highest = greatest(heights)
     scale = _LEVEL * solid.size
     weights = [scale / (scale + highest - height) for height in heights]
-    best, most = None, 0.0
-    for (n, offset), ring in zip(solid.faces, solid.rings, strict=True):
-        cosine = side * axes.n.dot(n)
-        value = where(cosine > _STEEPEST, sum((weights[i] for i in dict.fromkeys(ring)), _FLAT * cosine), -1.0)
-        ring = ring if side > 0.0 else ring[::-1]
-        face = n, offset, [(corners[i].x, corners[i].y) for i in ring]
-        best, most = (face, value) if best is None else either(value > most, (face, value), (best, most))
+    best, most = None, -1.0
+    for face in solid.faces:
+        cosine = side * axes.n.dot(face.n)
+        held = (holds * weight for holds, weight in zip(face.holds, weights, strict=True))
+        value = where(cosine > _STEEPEST, sum(held, _FLAT * cosine), -1.0)
+        parts = face.n, face.d, face.ring
+        best, most = (parts, value) if best is None else either(value > most, (parts, value), (best, most))
     assert best is not None
-    n, offset, ring = best
+    n, offset, corners = best
+    ring = [(shift.x + axes.u.dot(corner), shift.y + axes.v.dot(corner)) for corner in corners]
     plane = axes.of_vector(n)
     steep = side / maximum(side * plane.z, 0.1 * _STEEPEST)
     slopes = (-(plane.x * steep), -(plane.y * steep))
     level = shift.z + offset * steep - (slopes[0] * shift.x + slopes[1] * shift.y)
-    return Facet(ring, level, slopes)
+    return Facet(ring if side > 0.0 else ring[::-1], level, slopes)
 
 
 def reach_above(solid: Solid, axes: Across, shift: Vec3, u: Scalar, v: Scalar, side: float) -> Scalar:
     """The height at which a line along the normal leaves a polyhedron, upwards (side 1) or downwards (−1); as for `facet`."""
     highest = _FARTHEST
-    for n, offset in solid.faces:
-        m = axes.of_vector(n)
-        cosine, rest = side * m.z, offset - (m.x * (u - shift.x) + m.y * (v - shift.y))
+    for face in solid.faces:
+        m = axes.of_vector(face.n)
+        cosine, rest = side * m.z, face.d - (m.x * (u - shift.x) + m.y * (v - shift.y))
         highest = minimum(highest, where(cosine > _STEEPEST, rest / maximum(cosine, _STEEPEST), _FARTHEST))
     return shift.z + side * highest
 

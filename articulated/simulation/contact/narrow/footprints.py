@@ -19,7 +19,6 @@ from articulated.simulation.contact.narrow.facets import Facet, facet, line_over
 from articulated.simulation.contact.narrow.placed import FAR, UPRIGHT, Block, Hull, Roller, Touch
 from articulated.simulation.contact.narrow.reduction import ASKEW, LOWER, Across, Place, four
 from articulated.simulation.contact.narrow.rims import meeting_of
-from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Vec3
 
 TILTED = 0.2
@@ -30,7 +29,7 @@ _TO_UNIT = 1.0 / math.hypot(1.0, ASKEW)
 
 def roller_solid(a: Roller, b: Hull | Block) -> list[Touch]:
     """The points of a cylinder and a polyhedron, four of them; those that are not there are far."""
-    center, R, solid = b.center, b.R, Solid.of(b)
+    center, R, solid = b.center, b.R, b.solid
     roller = Roller(R.transpose_times(a.center - center), R.transpose_times(a.axis), a.radius, a.half)
     meeting = meeting_of(roller, solid)
     across, size = Across.of(meeting.axis.normal), meeting.axis.size

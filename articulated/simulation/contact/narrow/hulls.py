@@ -34,7 +34,7 @@ _TINY = 1e-24
 
 def hull_rod(a: Hull, b: Rod) -> list[Touch]:
     """The points of a polyhedron and a rod: one if it is a ball, else three."""
-    solid, c = Solid.of(a), a.R.transpose_times(b.center - a.center)
+    solid, c = a.solid, a.R.transpose_times(b.center - a.center)
     d = None if b.half is None else a.R.transpose_times(b.half)
     ends = [c] if d is None else [c - d, c + d]
     axis = best_face(solid, ends)
@@ -70,7 +70,7 @@ def hull_hull(a: Hull, b: Hull) -> list[Touch]:
 
 
 def _solid_solid(a: Hull, b: Hull | Block) -> list[Touch]:
-    A, B = Solid.of(a), Solid.of(b)
+    A, B = a.solid, b.solid
     R, c = b.R.T @ a.R, b.R.transpose_times(a.center - b.center)
     across = Across.of(_normal(A, B, R, c))
     on_a, shift = across.turned(R.T), across.of_vector(c)
@@ -108,11 +108,11 @@ def _normal(A: Solid, B: Solid, R: Mat3, c: Vec3) -> Vec3:
 
 def _of_edge(solid: Solid, c: Vec3, d: Vec3 | None, ends: list[Vec3]) -> tuple[Axis, Vec3]:
     """Away from the edge that is nearest to a line, and the point of it."""
-    (i, j), *others = solid.edges
-    x, y = _nearest(c, d, solid.vertices[i], solid.vertices[j])
+    first, *others = solid.edges
+    x, y = _nearest(c, d, *first)
     square = (x - y).dot(x - y)
-    for i, j in others:
-        p, q = _nearest(c, d, solid.vertices[i], solid.vertices[j])
+    for edge in others:
+        p, q = _nearest(c, d, *edge)
         other = (p - q).dot(p - q)
         x, y, square = either(other < square, (p, q, other), (x, y, square))
     n = (x - y) * (1.0 / sqrt(maximum(square, _TINY)))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from articulated.scalar import Scalar
+from articulated.simulation.contact.narrow.solids import Solid
 from articulated.spatial import Mat3, Vec3
 
 FAR = 1e3
@@ -55,6 +56,11 @@ class Block:
     R: Mat3
     half: tuple[float, float, float]
 
+    @property
+    def solid(self) -> Solid:
+        """The polyhedron that it is."""
+        return Solid.of_box(self.half)
+
 
 @dataclass(frozen=True, eq=False)
 class Roller:
@@ -72,21 +78,6 @@ class Roller:
     half: float
 
 
-@dataclass(frozen=True)
-class Polyhedron:
-    """A convex polyhedron, in its own axes about a point inside.
-
-    Attributes:
-        vertices: [m].
-        faces: outward unit normals n and offsets d: inside, n · x ≤ d [m].
-        edges: pairs of vertices.
-    """
-
-    vertices: tuple[tuple[float, float, float], ...]
-    faces: tuple[tuple[tuple[float, float, float], float], ...]
-    edges: tuple[tuple[int, int], ...]
-
-
 @dataclass(frozen=True, eq=False)
 class Hull:
     """A polyhedron where it stands.
@@ -99,7 +90,7 @@ class Hull:
 
     center: Vec3
     R: Mat3
-    solid: Polyhedron
+    solid: Solid
 
 
 UPRIGHT = 0.9

@@ -54,11 +54,10 @@ class Meeting:
 
 def meeting_of(roller: Roller, solid: Solid) -> Meeting:
     """The normal, of a cylinder given in the polyhedron's axes."""
-    face = None
-    for n, offset in solid.faces:
-        axis = Axis(n.dot(roller.center) - offset - reach(roller, n), n)
-        face = axis if face is None else either(axis.size > face.size, axis, face)
-    assert face is not None
+    axes = [Axis(face.n.dot(roller.center) - face.d - reach(roller, face.n), face.n) for face in solid.faces]
+    face = axes[0]
+    for axis in axes[1:]:
+        face = either(axis.size > face.size, axis, face)
     best = face
     for axis in (_of_end(roller, solid.vertices), _of_side(roller, solid.vertices)):
         best = either(axis.size > best.size + _PREFERENCE, axis, best)
@@ -123,8 +122,8 @@ def _of_rim(roller: Roller, solid: Solid, face: Axis, side: Side, corner: Vec3) 
     start = corner - n * face.size - m * side.beyond
     start = start - e * e.dot(start)
     here, there = [], []
-    for f, offset in solid.faces:
-        beyond, rate = f.dot(start) - (offset + TOLERANCE), f.dot(e) * size
+    for other in solid.faces:
+        beyond, rate = other.n.dot(start) - (other.d + TOLERANCE), other.n.dot(e) * size
         here.append(beyond - rate)
         there.append(beyond + rate)
     begin, end, is_there = clipped(here, there)
