@@ -166,12 +166,23 @@ Nested = Any
 
 def flatten(nested: Nested) -> list[Scalar]:
     """The scalars of a nested structure, in order; None holds none."""
+    result: list[Scalar] = []
+    _gather(nested, result)
+    return result
+
+
+def _gather(nested: Nested, result: list[Scalar]) -> None:
     kind = type(nested)
-    if kind is list or kind is tuple:
-        return [x for part in nested for x in flatten(part)]
-    if names := _parts(kind):
-        return [x for name in names for x in flatten(getattr(nested, name))]
-    return [] if nested is None else [nested]
+    if kind is float:
+        result.append(nested)
+    elif kind is list or kind is tuple:
+        for part in nested:
+            _gather(part, result)
+    elif names := _parts(kind):
+        for name in names:
+            _gather(getattr(nested, name), result)
+    elif nested is not None:
+        result.append(nested)
 
 
 def rebuilt(like: Nested, scalars: Iterator[Scalar]) -> Nested:
@@ -201,16 +212,14 @@ def each(rows: Sequence[Nested], body: Callable[[Nested], Nested]) -> list[Neste
     is a constant in all rows but not the same in all is a variable in it. What is `given` under a mask, or else `UNDEFINED`, is
     not even written where no state of a group needs it.
     """
-    scalars = flatten(rows)
-    for x in scalars:
+    flat = [flatten(row) for row in rows]
+    others = [x for row in flat for x in row if type(x) is not float]
+    for x in others:
         if hasattr(x, "graph"):
             return x.each(rows, body)
-    arrays = [x for x in scalars if isinstance(x, np.ndarray)]
-    return _at_once(rows, body, arrays) if arrays and len(rows) > 1 else [body(row) for row in rows]
-
-
-def _at_once(rows: Sequence[Nested], body: Callable[[Nested], Nested], arrays: Sequence[np.ndarray]) -> list[Nested]:
-    """What `body` makes of all rows, as arrays of them all."""
+    arrays = [x for x in others if isinstance(x, np.ndarray)]
+    if not arrays or len(rows) == 1:
+        return [body(row) for row in rows]
     shape, dtype = np.broadcast_shapes(*(x.shape for x in arrays)), np.result_type(*arrays)
 
     def stacked(column: Sequence[Scalar]) -> Scalar:
@@ -223,8 +232,7 @@ def _at_once(rows: Sequence[Nested], body: Callable[[Nested], Nested], arrays: S
             result[r] = x
         return result
 
-    columns = zip(*map(flatten, rows), strict=True)
-    made = body(rebuilt(rows[0], iter([stacked(column) for column in columns])))
+    made = body(rebuilt(rows[0], iter([stacked(column) for column in zip(*flat, strict=True)])))
     count = len(rows)
     parts = [np.broadcast_to(x, (count, *shape)) if isinstance(x, np.ndarray) else [x] * count for x in flatten(made)]
     return [rebuilt(made, iter([part[r] for part in parts])) for r in range(count)]

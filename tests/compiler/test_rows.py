@@ -62,7 +62,9 @@ def random_program(seed):
             return scalar.given(row[0] > 0.1, lambda: [sums[0] + row[0] * row[-1]], sums)
 
         for _ in range(4):
-            some = made([[*row, float(rng.normal())] for row in rows(int(rng.integers(2, 6)), int(rng.integers(1, 4)))])
+            some = made(
+                [[*row, *rng.normal(size=2).tolist()] for row in rows(int(rng.integers(2, 6)), int(rng.integers(1, 3)))]
+            )
             again = made(some)
             total = scalar.fold(again, add, [pick()])
             values += [x for numbers in (*some, *again) for x in numbers] + total

@@ -225,11 +225,11 @@ def _shortfall(points: np.ndarray, some: np.ndarray) -> float:
 
     outside = points[_beyond(points, some) > 1e-12 * np.ptp(points)]
     triangles = some[_hull(some)]
-    lost = 0.0
-    for point in outside:
-        nearest = closest_point(triangles, np.broadcast_to(point, (len(triangles), 3)))
-        lost = max(lost, float(np.linalg.norm(nearest - point, axis=1).min()))
-    return lost
+    if not len(outside):
+        return 0.0
+    each, all_of = np.repeat(outside, len(triangles), axis=0), np.tile(triangles, (len(outside), 1, 1))
+    distances = np.linalg.norm(closest_point(all_of, each) - each, axis=1)
+    return float(distances.reshape(len(outside), -1).min(axis=1).max())
 
 
 def _point(x: np.ndarray) -> Point:
