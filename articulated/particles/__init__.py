@@ -1,0 +1,43 @@
+"""Particle systems: points with mass, what acts on them, and what they run into.
+
+from articulated import particles as ap
+
+system = ap.System(x, forces=[ap.Gravity(), ap.Springs(pairs, stiffness=100.0)], pinned=[0])
+system.step(1e-3)
+"""
+
+from articulated.particles.colliders import Box, Capsule, Collider, Plane, Sphere
+from articulated.particles.fields import attractor, uniform, vortex
+from articulated.particles.forces.bending import Bending, hinge_weights
+from articulated.particles.forces.drag import Drag
+from articulated.particles.forces.force import Force, Law
+from articulated.particles.forces.gravity import Acceleration, Gravity
+from articulated.particles.forces.own import OwnForce, OwnLaw
+from articulated.particles.forces.pressure import TriangleWind
+from articulated.particles.forces.springs import Springs
+from articulated.particles.points import Point
+from articulated.particles.system import System
+
+__all__ = [
+    "Acceleration",
+    "Bending",
+    "Box",
+    "Capsule",
+    "Collider",
+    "Drag",
+    "Force",
+    "Gravity",
+    "Law",
+    "OwnForce",
+    "OwnLaw",
+    "Plane",
+    "Point",
+    "Sphere",
+    "Springs",
+    "System",
+    "TriangleWind",
+    "attractor",
+    "hinge_weights",
+    "uniform",
+    "vortex",
+]

@@ -1,0 +1,72 @@
+"""What happens to a particle on its way: it runs into something within a step, bounces off, slides or comes to rest.
+
+At the moment of impact V′ = V_T − k_r V_N, less what Coulomb's friction takes of V_T; the rest of the step begins there. What
+would come back before the step ends stays, pressed on by what accelerates it: F′ = F_T, less friction (Witkin and Baraff,
+Physically Based Modeling, 1997, C). So bounces end, and what rests does not sink.
+
+The velocities of some methods belong to a moment beside that of their positions: those of the semi-implicit one to half a step
+before, as in the leapfrog method. An impact at the speed that they tell would lose height at each bounce.
+
+symbol   meaning
+s        part of the step that is over
+a        acceleration over the step, taken as constant
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from articulated.particles.colliders import Collider
+from articulated.scalar import Scalar, either, maximum, sqrt, where
+from articulated.spatial import Vec3
+
+_TINY = 1e-30
+_LIFT = 1e-12
+"""What came from a surface is put as far above it, so that it is not found behind it [m]."""
+_FELL = 1e-9
+"""What came nearer by less than this was there already [m]."""
+
+
+def collided(
+    colliders: Sequence[Collider], t: Scalar, h: Scalar, x: Vec3, v: Vec3, new_x: Vec3, new_v: Vec3, lag: float = 0.0
+) -> tuple[Vec3, Vec3]:
+    """Where a particle is after a step, and how fast, that would have gone from x and v to the new ones.
+
+    Args:
+        colliders: what it may run into.
+        t, h: when the step begins, and its length.
+        x, v, new_x, new_v: see above.
+        lag: by how much of a step velocities belong to an earlier moment.
+    """
+    for collider in colliders:
+        a = (new_v - v) * (1.0 / h)
+        s, hits = collider.crossing(t, h, x, new_x)
+        at, speed = x + (new_x - x) * s, v + (new_v - v) * s
+        rest, then = (1.0 - s) * h, t + s * h
+        _, n = collider.gap(then, at)
+        surface = collider.velocity(then, at)
+        relative = speed - surface
+        late = where(n.dot(x - at) > _FELL, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
+        normal = n.dot(relative) + late
+        incoming = maximum(-normal, 0.0)
+        along = _slowed(relative - n * n.dot(relative), collider.friction * (1.0 + collider.restitution) * incoming)
+        leaving, pressing = collider.restitution * incoming, maximum(-n.dot(a), 0.0)
+        stays = 2.0 * leaving <= pressing * rest
+        # it stays on the surface
+        drift = along + (a - n * n.dot(a)) * rest
+        resting = _slowed(drift, collider.friction * pressing * rest)
+        rested = at + (along + resting) * (0.5 * rest) + surface * rest
+        # it leaves
+        flying = along + n * leaving
+        flown = at + (flying + surface) * rest + a * (0.5 * rest * rest)
+        after = either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
+        new_x, new_v = either(hits, after, (new_x, new_v))
+        gap, n = collider.gap(t + h, new_x)
+        new_x = new_x + n * where(gap < 0.0, _LIFT - gap, 0.0)
+    return new_x, new_v
+
+
+def _slowed(v: Vec3, by: Scalar) -> Vec3:
+    """A velocity after friction took so much of its speed, all of it if there is less."""
+    speed = sqrt(maximum(v.dot(v), _TINY))
+    return v * maximum(1.0 - by / speed, 0.0)

@@ -1,0 +1,1 @@
+"""Forces on particles, a file for each kind."""

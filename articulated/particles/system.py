@@ -1,0 +1,186 @@
+"""A particle system: arrays of state, a list of what acts on them, and its phase space (Witkin and Baraff, 1997, C)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from articulated.particles.check import elements, in_range, numbers, positive
+from articulated.particles.colliders import Collider
+from articulated.particles.collisions import collided
+from articulated.particles.forces.force import Force
+from articulated.particles.solvers.explicit import EXPLICIT, LAGS
+from articulated.spatial import Vec3
+
+
+class System:
+    """Particles, what acts on them, and what they run into.
+
+    Its phase space has 6 n dimensions: all positions, then all velocities.
+
+    Args:
+        x: where they start, shape (n, 3) [m].
+        v: their velocities, shape (n, 3) [m/s]; at rest if left out.
+        mass: a number or one for each, shape (n,) [kg]; infinite pins a particle.
+        forces: what acts on them.
+        colliders: what they run into.
+        pinned: numbers of particles that do not move, or a mask, shape (n,).
+        time: [s].
+
+    Attributes:
+        x, v: the state, shape (n, 3).
+        mass: shape (n,) [kg]; zero for what is pinned, which has no weight either.
+        inverse_mass: shape (n,) [1/kg]; zero for what is pinned.
+        forces, colliders, time: see above.
+
+    Raises:
+        ValueError: an array does not fit, a number is not finite, a mass is not positive, a pinned particle moves, or a force
+            does not fit the particles.
+    """
+
+    def __init__(
+        self,
+        x: Any,
+        v: Any = None,
+        mass: Any = 1.0,
+        forces: Sequence[Force] = (),
+        colliders: Sequence[Collider] = (),
+        pinned: Any = (),
+        time: float = 0.0,
+    ):
+        self.x = numbers("x", x, (None, 3))
+        n = len(self.x)
+        self.v = np.zeros((n, 3)) if v is None else numbers("v", v, (n, 3))
+        masses = np.broadcast_to(numbers("mass", mass, () if np.ndim(mass) == 0 else (n,), finite=False), n)
+        if not (masses > 0.0).all():
+            where = int(np.argmin(masses))
+            raise ValueError(
+                f"mass[{where}] is {masses[where]:g}; expected more than zero, or infinity for a particle that is pinned"
+            )
+        held = np.isinf(masses) | _mask(pinned, n)
+        moving = held & self.v.any(axis=1)
+        if moving.any():
+            where = int(np.argmax(moving))
+            raise ValueError(f"v[{where}] is {self.v[where].tolist()}, but particle {where} is pinned; give it no velocity")
+        self.inverse_mass = np.where(held, 0.0, 1.0 / masses)
+        self.mass = np.where(held, 0.0, masses)
+        self.time = float(numbers("time", time, ()))
+        for force in forces:
+            if not isinstance(force, Force):
+                raise ValueError(f"forces holds {force!r}; expected Gravity(), Springs(…), OwnForce(function) and the like")
+        for collider in colliders:
+            if not isinstance(collider, Collider):
+                raise ValueError(f"colliders holds {collider!r}; expected Plane(…), Sphere(…) and the like")
+        self.forces = tuple(force.bound(self.x, self.mass) for force in forces)
+        self.colliders = tuple(colliders)
+
+    def __repr__(self) -> str:
+        return (
+            f"System({len(self.x)} particles, {len(self.forces)} forces, {len(self.colliders)} colliders, t = {self.time:g} s)"
+        )
+
+    @property
+    def dimension(self) -> int:
+        """Of its phase space: 6 n."""
+        return 6 * len(self.x)
+
+    @property
+    def state(self) -> np.ndarray:
+        """All positions, then all velocities, shape (6 n,)."""
+        return np.concatenate([self.x.ravel(), self.v.ravel()])
+
+    @state.setter
+    def state(self, y: Any) -> None:
+        self.x, self.v = (part.copy() for part in self._parts(numbers("state", y, (self.dimension,))))
+
+    def force(self, t: float | None = None, x: np.ndarray | None = None, v: np.ndarray | None = None) -> np.ndarray:
+        """What acts on each particle, now or in another state, shape (n, 3) [N]."""
+        t, x, v = self.time if t is None else t, self.x if x is None else x, self.v if v is None else v
+        total = np.zeros((len(self.x), 3))
+        for force in self.forces:
+            total += force.force(t, x, v, self.mass)
+        return total
+
+    def acceleration(self, t: float, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """f/m, zero for what is pinned, shape (n, 3) [m/s²]."""
+        return self.force(t, x, v) * self.inverse_mass[:, None]
+
+    def derivative(self, t: float | None = None) -> np.ndarray:
+        """Of the state: velocities, then f/m, shape (6 n,)."""
+        return self.rhs(self.time if t is None else t, self.state)
+
+    def rhs(self, t: float, y: np.ndarray) -> np.ndarray:
+        """The derivative of any state, as `scipy.integrate.solve_ivp` wants it, shape (6 n,)."""
+        x, v = self._parts(y)
+        return np.concatenate([v.ravel(), self.acceleration(t, x, v).ravel()])
+
+    def events(self) -> list[Callable[[float, np.ndarray], float]]:
+        """For each collider an event that ends `solve_ivp`: some particle runs into it; see `bounced`."""
+        return [self._event(collider) for collider in self.colliders]
+
+    def bounced(self, t: float, y: np.ndarray) -> np.ndarray:
+        """The state after particles that are at a collider, and heading in, bounced off: V′ = V_T − k_r V_N, shape (6 n,)."""
+        x, v = (part.copy() for part in self._parts(np.asarray(y, dtype=float)))
+        for collider in self.colliders:
+            gap, n = collider.gap(t, _vector(x))
+            normal = np.stack(np.broadcast_arrays(*n, gap), axis=1)[:, :3]
+            relative = v - np.stack(np.broadcast_arrays(*collider.velocity(t, _vector(x)), gap), axis=1)[:, :3]
+            incoming = (relative * normal).sum(axis=1)
+            hit = (gap < 1e-6) & (incoming < 0.0) & (self.inverse_mass > 0.0)
+            v[hit] -= (1.0 + collider.restitution) * incoming[hit, None] * normal[hit]
+        return np.concatenate([x.ravel(), v.ravel()])
+
+    def energy(self) -> float:
+        """Kinetic energy, and potential energy of all forces that have one [J]."""
+        potential = sum(force.energy(self.time, self.x, self.mass) for force in self.forces)
+        return 0.5 * float(self.mass @ (self.v * self.v).sum(axis=1)) + potential
+
+    def momentum(self) -> tuple[np.ndarray, np.ndarray]:
+        """Linear, and angular about the origin [N s, N m s]."""
+        p = self.mass[:, None] * self.v
+        return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
+
+    def step(self, h: float, solver: str = "semi_implicit") -> None:
+        """Go on by a step [s]."""
+        h = positive("h", h)
+        if solver not in EXPLICIT:
+            raise ValueError(f"solver is {solver!r}; expected one of {', '.join(EXPLICIT)}")
+        x, v = EXPLICIT[solver](self.acceleration, self.time, h, self.x, self.v)
+        if self.colliders:
+            here = [_vector(part) for part in (self.x, self.v, x, v)]
+            found = collided(self.colliders, self.time, h, *here, lag=LAGS[solver])
+            free = self.inverse_mass[:, None] > 0.0
+            x, v = (np.where(free, np.stack(list(new), axis=1), old) for new, old in zip(found, (x, v), strict=True))
+        self.x, self.v, self.time = x, v, self.time + h
+
+    def _event(self, collider: Collider) -> Callable[[float, np.ndarray], float]:
+        def event(t: float, y: np.ndarray) -> float:
+            gap, _ = collider.gap(t, _vector(self._parts(y)[0]))
+            return float(np.min(np.where(self.inverse_mass > 0.0, gap, np.inf)))
+
+        event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
+        return event
+
+    def _parts(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        n = len(self.x)
+        return y[: 3 * n].reshape(n, 3), y[3 * n :].reshape(n, 3)
+
+
+def _mask(pinned: Any, n: int) -> np.ndarray:
+    """Which of n particles are pinned."""
+    array = np.asarray(pinned)
+    if array.dtype == bool:
+        if array.shape != (n,):
+            raise ValueError(f"pinned is a mask of shape {array.shape}; expected ({n},)")
+        return array
+    some = elements("pinned", array.reshape(-1, 1), 1)
+    in_range("pinned", some, n)
+    mask = np.zeros(n, dtype=bool)
+    mask[some[:, 0]] = True
+    return mask
+
+
+def _vector(rows: np.ndarray) -> Vec3:
+    return Vec3(rows[:, 0], rows[:, 1], rows[:, 2])
