@@ -16,9 +16,11 @@ from articulated.particles.forces.own import OwnForce, OwnLaw
 from articulated.particles.forces.pressure import TriangleWind
 from articulated.particles.forces.springs import Springs
 from articulated.particles.points import Point
-from articulated.particles.system import System
+from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.system import SOLVERS, System
 
 __all__ = [
+    "SOLVERS",
     "Acceleration",
     "Bending",
     "Box",
@@ -27,6 +29,7 @@ __all__ = [
     "Drag",
     "Force",
     "Gravity",
+    "ImplicitEuler",
     "Law",
     "OwnForce",
     "OwnLaw",

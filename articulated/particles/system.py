@@ -12,7 +12,10 @@ from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
+from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.spatial import Vec3
+
+SOLVERS = (*EXPLICIT, "implicit_euler")
 
 
 class System:
@@ -107,6 +110,20 @@ class System:
         """f/m, zero for what is pinned, shape (n, 3) [m/s²]."""
         return self.force(t, x, v) * self.inverse_mass[:, None]
 
+    def product(self, t: float, x: np.ndarray, v: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
+        """(h D + h² K) p of all forces, made positive semidefinite, shape (n, 3); see `Force.product`."""
+        total = np.zeros((len(self.x), 3))
+        for force in self.forces:
+            total += force.product(t, x, v, self.mass, p, h, convex=True)
+        return total
+
+    def diagonal(self, t: float, x: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
+        """The blocks on the diagonal of what `product` multiplies with, shape (n, 3, 3)."""
+        total = np.zeros((len(self.x), 3, 3))
+        for force in self.forces:
+            total += force.diagonal(t, x, v, self.mass, h, convex=True)
+        return total
+
     def derivative(self, t: float | None = None) -> np.ndarray:
         """Of the state: velocities, then f/m, shape (6 n,)."""
         return self.rhs(self.time if t is None else t, self.state)
@@ -132,28 +149,57 @@ class System:
             v[hit] -= (1.0 + collider.restitution) * incoming[hit, None] * normal[hit]
         return np.concatenate([x.ravel(), v.ravel()])
 
-    def energy(self) -> float:
-        """Kinetic energy, and potential energy of all forces that have one [J]."""
-        potential = sum(force.energy(self.time, self.x, self.mass) for force in self.forces)
-        return 0.5 * float(self.mass @ (self.v * self.v).sum(axis=1)) + potential
+    def energy(self, t: float | None = None, x: np.ndarray | None = None, v: np.ndarray | None = None) -> float:
+        """Kinetic energy, and potential energy of all forces that have one, now or in another state [J]."""
+        t, x, v = self.time if t is None else t, self.x if x is None else x, self.v if v is None else v
+        potential = sum(force.energy(t, x, self.mass) for force in self.forces)
+        return 0.5 * float(self.mass @ (v * v).sum(axis=1)) + potential
+
+    def power(self, t: float, x: np.ndarray, v: np.ndarray) -> float:
+        """Of all that has no energy of its own: drag, wind, damping [W]."""
+        total = 0.0
+        for force in self.forces:
+            f = force.force(t, x, v, self.mass)
+            if force.conservative:
+                f = f - force.force(t, x, np.zeros_like(v), self.mass)
+            total += float(np.vdot(f, v))
+        return total
 
     def momentum(self) -> tuple[np.ndarray, np.ndarray]:
         """Linear, and angular about the origin [N s, N m s]."""
         p = self.mass[:, None] * self.v
         return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
 
-    def step(self, h: float, solver: str = "semi_implicit") -> None:
-        """Go on by a step [s]."""
-        h = positive("h", h)
-        if solver not in EXPLICIT:
-            raise ValueError(f"solver is {solver!r}; expected one of {', '.join(EXPLICIT)}")
-        x, v = EXPLICIT[solver](self.acceleration, self.time, h, self.x, self.v)
+    def step(self, h: float, solver: str | ImplicitEuler = "semi_implicit") -> float:
+        """Go on by a step.
+
+        Args:
+            h: its length [s].
+            solver: the name of one of `SOLVERS`, or an `ImplicitEuler`.
+
+        Returns:
+            The residual that an implicit solver left [m/s]; zero of others.
+
+        Raises:
+            ValueError: the step has no length, or there is no such solver.
+        """
+        h, residual, lag = positive("h", h), 0.0, 0.0
+        if solver == "implicit_euler":
+            solver = ImplicitEuler()
+        if isinstance(solver, ImplicitEuler):
+            x, v, residual = solver.step(self, h)
+        elif solver in EXPLICIT:
+            x, v = EXPLICIT[solver](self.acceleration, self.time, h, self.x, self.v)
+            lag = LAGS[solver]
+        else:
+            raise ValueError(f"solver is {solver!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
         if self.colliders:
             here = [_vector(part) for part in (self.x, self.v, x, v)]
-            found = collided(self.colliders, self.time, h, *here, lag=LAGS[solver])
+            found = collided(self.colliders, self.time, h, *here, lag=lag)
             free = self.inverse_mass[:, None] > 0.0
             x, v = (np.where(free, np.stack(list(new), axis=1), old) for new, old in zip(found, (x, v), strict=True))
         self.x, self.v, self.time = x, v, self.time + h
+        return residual
 
     def _event(self, collider: Collider) -> Callable[[float, np.ndarray], float]:
         def event(t: float, y: np.ndarray) -> float:

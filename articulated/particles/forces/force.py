@@ -42,8 +42,13 @@ class Force(ABC):
     def force(self, t: float, x: np.ndarray, v: np.ndarray, mass: np.ndarray) -> np.ndarray:
         """On each particle, shape (n, 3) [N]."""
 
+    @property
+    def conservative(self) -> bool:
+        """Whether what it does to particles at rest is minus the gradient of its energy."""
+        return False
+
     def energy(self, t: float, x: np.ndarray, mass: np.ndarray) -> float:
-        """Potential energy of what of it has one [J]."""
+        """Potential energy, if it has one [J]."""
         return 0.0
 
     def product(
@@ -74,6 +79,10 @@ class Law(Force):
     def constants(self) -> tuple[np.ndarray, ...]:
         """What the law needs to know of each element, each of shape () or (m,)."""
         return ()
+
+    @property
+    def conservative(self) -> bool:
+        return type(self).potential is not Law.potential
 
     @abstractmethod
     def pull(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Sequence[Vec3]:

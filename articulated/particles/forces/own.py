@@ -54,6 +54,10 @@ class OwnLaw(Law):
     def constants(self) -> tuple[np.ndarray, ...]:
         return tuple(self.values)
 
+    @property
+    def conservative(self) -> bool:
+        return self.energy_law is not None
+
     def pull(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Sequence[Vec3]:
         return self.law(t, points, *constants)
 

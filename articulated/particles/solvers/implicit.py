@@ -1,0 +1,133 @@
+"""Implicit Euler: what acts is that at the end of the step, so that no stiffness makes it blow up.
+
+The new velocity is where r(v) = M (v − v₀) − h f(x₀ + h v, v) vanishes. Of forces with an energy this is where
+½ |v − v₀|²_M + V(x₀ + h v) has its least value. Newton's method, with A = M + h D + h² K made positive semidefinite, and conjugate
+gradients for A δ = −r, preconditioned by the blocks of A's diagonal (Baraff and Witkin, Large Steps in Cloth Simulation, 1998,
+equation 16, is its first turn from v₀ = 0). Differs: it turns until r is small, and no turn goes farther than r gets smaller in
+its own direction. A step that is not solved, or which turns springs that are pressed, might gain energy: it is brought nearer to
+one that moves all as a whole, which cannot.
+
+symbol   meaning
+r, δ     residual [N s], what a turn adds to the velocities [m/s]
+z, p     residual after the preconditioner, direction of conjugate gradients
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+_SEARCHES = 10
+"""How often a turn, or a step, is halved."""
+_ROUNDING = 1e-14
+"""A part of the energy that is no gain."""
+
+
+@dataclass(frozen=True)
+class ImplicitEuler:
+    """How implicit steps are solved.
+
+    Attributes:
+        turns: of Newton's method, at most.
+        iterations: of conjugate gradients in each.
+        tolerance: a step is solved once the root mean square of r/m is below this [m/s].
+    """
+
+    turns: int = 8
+    iterations: int = 60
+    tolerance: float = 1e-9
+
+    def __post_init__(self) -> None:
+        for name in ("turns", "iterations"):
+            if not isinstance(getattr(self, name), int) or getattr(self, name) < 1:
+                raise ValueError(f"ImplicitEuler: {name} is {getattr(self, name)!r}; expected a whole number, 1 or more")
+        if not self.tolerance >= 0.0:
+            raise ValueError(f"ImplicitEuler: tolerance is {self.tolerance!r}; expected a number, zero or more")
+
+    def step(self, system: Any, h: float) -> tuple[np.ndarray, np.ndarray, float]:
+        """The new positions and velocities of a system, and the residual that is left, as `tolerance` measures it [m/s]."""
+        t, x0, v0, m, w = system.time + h, system.x, system.v, system.mass[:, None], system.inverse_mass[:, None]
+
+        def residual(v: np.ndarray) -> np.ndarray:
+            return (m * (v - v0) - h * system.force(t, x0 + h * v, v)) * (w > 0.0)
+
+        v = v0.copy()
+        r = residual(v)
+        for _ in range(self.turns):
+            if _size(r, w) <= self.tolerance:
+                break
+            x = x0 + h * v
+
+            def product(p: np.ndarray, x: np.ndarray = x, v: np.ndarray = v) -> np.ndarray:
+                return (m * p + system.product(t, x, v, p, h)) * (w > 0.0)
+
+            blocks = system.diagonal(t, x, v, h) + np.where(w > 0.0, m, 1.0)[:, :, None] * np.eye(3)
+            change = conjugate_gradients(product, -r, np.linalg.inv(blocks), self.iterations)
+            v, r = _searched(residual, v, r, change)
+        v = _without_gain(system, t, h, x0, v)
+        return x0 + h * v, v, _size(residual(v), w)
+
+
+def conjugate_gradients(
+    product: Callable[[np.ndarray], np.ndarray], b: np.ndarray, inverses: np.ndarray, iterations: int
+) -> np.ndarray:
+    """A solution of A x = b, as near as so many iterations come.
+
+    Golub and Van Loan, Matrix Computations (2013), algorithm 11.5.1, preconditioned by 3x3 blocks.
+
+    Args:
+        product: A times a vector, shape (n, 3).
+        b: shape (n, 3).
+        inverses: of the blocks on A's diagonal, shape (n, 3, 3).
+        iterations: how many.
+    """
+    x, r = np.zeros_like(b), b
+    z = np.einsum("nij,nj->ni", inverses, r)
+    p, rz = z, float(np.vdot(r, z))
+    end = 1e-28 * rz
+    for _ in range(iterations):
+        if rz <= end:
+            break
+        Ap = product(p)
+        alpha = rz / float(np.vdot(p, Ap))
+        x, r = x + alpha * p, r - alpha * Ap
+        z = np.einsum("nij,nj->ni", inverses, r)
+        rz, before = float(np.vdot(r, z)), rz
+        p = z + (rz / before) * p
+    return x
+
+
+def _searched(
+    residual: Callable[[np.ndarray], np.ndarray], v: np.ndarray, r: np.ndarray, change: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """As far along a change as the residual along it, which begins below zero, does not rise far above."""
+    slope, step = float(np.vdot(r, change)), 1.0
+    new = residual(v + change)
+    for _ in range(_SEARCHES):
+        if float(np.vdot(new, change)) <= 0.9 * abs(slope):
+            break
+        step *= 0.5
+        new = residual(v + step * change)
+    return v + step * change, new
+
+
+def _without_gain(system: Any, t: float, h: float, x0: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Velocities with which a step gains no more energy than drag and wind do work in it."""
+    free = system.inverse_mass[:, None] > 0.0
+    whole = np.zeros(3) if not free.all() else system.mass @ v / system.mass.sum()
+    before, own, share = system.energy(), v - whole * free, 1.0
+    allowed = _ROUNDING * abs(before)
+    for _ in range(_SEARCHES):
+        x = x0 + h * v
+        if system.energy(t, x, v) <= before + h * system.power(t, x, v) + allowed:
+            return v
+        share *= 0.5
+        v = whole * free + own * share
+    return whole * free
+
+
+def _size(r: np.ndarray, w: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(np.sum((r * w) ** 2, axis=1)))) if len(r) else 0.0
