@@ -44,11 +44,11 @@ class Kernel:
     Attributes:
         name: of the program.
         format: number format, and states that a block holds.
-        ordered: whether the program is.
+        ordered: whether the program is; see there.
     """
 
-    def __init__(self, program: Program, f: Format, on: Machine, header: dict[str, Any], code: bytes):
-        self.name, self.format, self.ordered = program.name, f, program.ordered
+    def __init__(self, name: str, f: Format, on: Machine, header: dict[str, Any], code: bytes, ordered: bool = False):
+        self.name, self.format, self.ordered = name, f, ordered
         self._block: float = header["operations"] * _OPERATION  # about how long one takes [s]
         self._tile: int = header["tile"]
         self._scratch_bytes: int = header["scratch"] * header["tile"]
@@ -159,12 +159,26 @@ def compiled(program: Program, single: bool, lanes: int | None = None) -> Kernel
         if single and program.ordered:  # states take different times: of sixteen too many wait for the slowest
             lanes //= 2
     f = Format(lanes, single)
-    key = hashlib.sha256(b"\0".join([_SOURCE, on.identity, repr((program.name, f)).encode(), program.content])).hexdigest()
+    entry = kept(program.name, f, on, program.content, lambda: _build(program, f, on))
+    return Kernel(program.name, f, on, *entry, program.ordered)
+
+
+def kept(
+    name: str, f: Format, on: Machine, content: bytes, build: Callable[[], tuple[dict[str, Any], bytes]]
+) -> tuple[dict[str, Any], bytes]:
+    """The header and object code of a kernel: from the disk, or what `build` makes.
+
+    Args:
+        name, f, on: of the kernel; see `Kernel`.
+        content: all else that decides what it does.
+        build: makes them.
+    """
+    key = hashlib.sha256(b"\0".join([_SOURCE, on.identity, repr((name, f)).encode(), content])).hexdigest()
     entry = disk.get(key)
     if entry is None or set(entry[0]) != {"operations", "scratch", "tile", "objects"}:
-        entry = _build(program, f, on)
+        entry = build()
         disk.put(key, *entry)
-    return Kernel(program, f, on, *entry)
+    return entry
 
 
 def _build(program: Program, f: Format, on: Machine) -> tuple[dict[str, Any], bytes]:

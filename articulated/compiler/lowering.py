@@ -58,7 +58,7 @@ class Lowering:
         size = f"@size = internal constant i64 {self.scratch}"
         main = [size, *kernel.masks, *kernel.lists.values(), *kernel.transfers.texts(), _turn(f), text, *light, *declared]
         common = [
-            *(f"declare {text_of} @llvm.{name}" for text_of, name in _intrinsics(f)),
+            *(f"declare {text_of} @llvm.{name}" for text_of, name in intrinsics(f)),
             f"attributes #0 = {{ {ATTRIBUTES} }}\n",
         ]
         rest = [chunks[k : k + _MODULE] for k in range(0, len(chunks), _MODULE)]
@@ -72,7 +72,8 @@ def _turn(f: Format) -> str:
     return text.function("void", "turn", "ptr noalias %scratch, i64 %k, i64 %at")
 
 
-def _intrinsics(f: Format) -> list[tuple[str, str]]:
+def intrinsics(f: Format) -> list[tuple[str, str]]:
+    """Functions of LLVM that code needs, each with what it returns."""
     V = f.vector(f.number)
     vectors = [(V, f"{name}.{f.suffix}({', '.join([V] * n)})") for name, n in (("fma", 3), ("sqrt", 1), ("fabs", 1))]
     return [*vectors, *(("i64", f"{name}.i64(i64, i64)") for name in ("smin", "smax"))]

@@ -39,7 +39,7 @@ class Places(Protocol):
 
 def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, places: Places, rows: int | None = None) -> str:
     """The function `void name(scratch)` of a chunk; `rows` is where in scratch the rows that it goes through are listed."""
-    operations = _Operations(schedule, f, name, places, chunk.yields)
+    operations = Operations(schedule, f, name, places, chunk.yields)
     text = operations.text
     if chunk.rows is None:
         _compute(chunk, operations)
@@ -53,7 +53,7 @@ def chunk_function(name: str, chunk: Chunk, schedule: Schedule, f: Format, place
     return "\n".join([*operations.tables(), text])
 
 
-def _compute(chunk: Chunk, operations: _Operations) -> None:
+def _compute(chunk: Chunk, operations: Operations) -> None:
     for part in branched(operations.schedule.nodes, operations.schedule.guards, chunk.nodes):
         for i in operations.computed(part):
             if i in chunk.kept:
@@ -66,13 +66,13 @@ def _compute(chunk: Chunk, operations: _Operations) -> None:
 
 def mask_function(name: str, mask: int, holds: bool, schedule: Schedule, f: Format) -> str:
     """The function `i64 name(scratch)` that tells whether a mask holds, or fails, for some state of a block."""
-    operations = _Operations(schedule, f)
+    operations = Operations(schedule, f)
     text = operations.text
     found = text.let(f"fcmp {'une' if holds else 'oeq'} {text.V} {operations.loaded(mask)}, zeroinitializer")
     return text.function("i64", name, "ptr noalias %scratch", text.any(found))
 
 
-def _copy(chunk: Chunk, operations: _Operations) -> None:
+def _copy(chunk: Chunk, operations: Operations) -> None:
     text = operations.text
     overwritten = {target for _, target in chunk.copies}
     early = {source: operations.value(source) for source, _ in chunk.copies if source in overwritten}
@@ -85,7 +85,7 @@ def _copy(chunk: Chunk, operations: _Operations) -> None:
         operations.store(target, x)
 
 
-class _Operations:
+class Operations:
     """Nodes in the order in which they are computed; the others are constants or come from their slots."""
 
     def __init__(

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from articulated.particles.alone import advance, are_alone
 from articulated.particles.check import elements, in_range, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
@@ -170,36 +171,51 @@ class System:
         p = self.mass[:, None] * self.v
         return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
 
-    def step(self, h: float, solver: str | ImplicitEuler = "semi_implicit") -> float:
-        """Go on by a step.
+    def step(
+        self, h: float, solver: str | ImplicitEuler = "semi_implicit", steps: int = 1, threads: int | None = None
+    ) -> float:
+        """Go on by a step, or several.
 
         Args:
             h: its length [s].
             solver: the name of one of `SOLVERS`, or an `ImplicitEuler`.
+            steps: how many.
+            threads: how many may share the work; None is as many as are useful.
 
         Returns:
-            The residual that an implicit solver left [m/s]; zero of others.
+            The largest residual that an implicit solver left [m/s]; zero of others.
 
         Raises:
-            ValueError: the step has no length, or there is no such solver.
+            ValueError: the step has no length, there is no such solver, or the number of steps is none.
         """
-        h, residual, lag = positive("h", h), 0.0, 0.0
-        if solver == "implicit_euler":
-            solver = ImplicitEuler()
-        if isinstance(solver, ImplicitEuler):
-            x, v, residual = solver.step(self, h)
-        elif solver in EXPLICIT:
-            x, v = EXPLICIT[solver](self.acceleration, self.time, h, self.x, self.v)
-            lag = LAGS[solver]
+        h, method = positive("h", h), ImplicitEuler() if solver == "implicit_euler" else solver
+        if not isinstance(steps, int) or steps < 0:
+            raise ValueError(f"steps is {steps!r}; expected a whole number")
+        if isinstance(method, ImplicitEuler):
+            return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
+        if method not in EXPLICIT:
+            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
+        if are_alone(self.forces):
+            advance(self, h, steps, method, threads)
         else:
-            raise ValueError(f"solver is {solver!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
+            for _ in range(steps):
+                x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)
+                self._arrive(h, x, v, LAGS[method])
+        return 0.0
+
+    def _implicit(self, h: float, method: ImplicitEuler) -> float:
+        x, v, residual = method.step(self, h)
+        self._arrive(h, x, v, 0.0)
+        return residual
+
+    def _arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
+        """Where a step would have led, unless something was in the way."""
         if self.colliders:
             here = [_vector(part) for part in (self.x, self.v, x, v)]
             found = collided(self.colliders, self.time, h, *here, lag=lag)
             free = self.inverse_mass[:, None] > 0.0
             x, v = (np.where(free, np.stack(list(new), axis=1), old) for new, old in zip(found, (x, v), strict=True))
         self.x, self.v, self.time = x, v, self.time + h
-        return residual
 
     def _event(self, collider: Collider) -> Callable[[float, np.ndarray], float]:
         def event(t: float, y: np.ndarray) -> float:

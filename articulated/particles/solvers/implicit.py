@@ -1,11 +1,11 @@
 """Implicit Euler: what acts is that at the end of the step, so that no stiffness makes it blow up.
 
 The new velocity is where r(v) = M (v − v₀) − h f(x₀ + h v, v) vanishes. Of forces with an energy this is where
-½ |v − v₀|²_M + V(x₀ + h v) has its least value. Newton's method, with A = M + h D + h² K made positive semidefinite, and conjugate
-gradients for A δ = −r, preconditioned by the blocks of A's diagonal (Baraff and Witkin, Large Steps in Cloth Simulation, 1998,
-equation 16, is its first turn from v₀ = 0). Differs: it turns until r is small, and no turn goes farther than r gets smaller in
-its own direction. A step that is not solved, or which turns springs that are pressed, might gain energy: it is brought nearer to
-one that moves all as a whole, which cannot.
+½ |v − v₀|²_M + V(x₀ + h v) has its least value. It is found by Newton's method, with A = M + h D + h² K made positive
+semidefinite, and conjugate gradients for A δ = −r, preconditioned by the blocks of A's diagonal (Baraff and Witkin, Large Steps
+in Cloth Simulation, 1998, equation 16, is its first turn from v₀ = 0). Differs: it turns until r is small, and no turn goes
+farther than r gets smaller in its own direction. A step that is not solved, or which turns springs that are pressed, might gain
+energy: it is brought nearer to one that moves all as a whole, which cannot.
 
 symbol   meaning
 r, δ     residual [N s], what a turn adds to the velocities [m/s]

@@ -1,0 +1,135 @@
+"""Streams: the same work on each of many elements, from planes of memory and back to them.
+
+A plane has one number of each element, those of neighbours side by side. So registers are filled by loads alone, and as there
+is no scratch, all that happens to an element happens in registers, however many turns it takes.
+
+A kernel is that of `lowering`, `i64 kernel(table, scratch, begin, end, tile)`: its table has the address of each plane first,
+then that of the call's numbers, four integers each, then how many turns to take. Planes are as long as a whole number of
+registers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from articulated.compiler.branches import branched
+from articulated.compiler.graph import Graph, Traced
+from articulated.compiler.ir import ATTRIBUTES, Format
+from articulated.compiler.kernels import Kernel, kept
+from articulated.compiler.lowering import intrinsics
+from articulated.compiler.operations import Operations
+from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
+from articulated.scalar import Scalar
+
+_SIDE_BY_SIDE = 2
+"""Registers of elements whose work is interleaved: while one waits for a quotient the other goes on."""
+_BLOCK, _LINE = 64, 512
+"""Elements, and bytes, to which planes are rounded up: registers of any format fit."""
+
+Turn = Callable[[Sequence[Scalar], Sequence[Scalar], Sequence[Scalar]], Sequence[Scalar]]
+
+
+@dataclass(frozen=True, eq=False)
+class Stream:
+    """Work on elements.
+
+    Attributes:
+        name: for dumps.
+        carried: how many planes it takes and writes back.
+        fixed: how many planes it takes besides.
+        numbers: how many numbers of the call are the same for all elements; they are carried from turn to turn too.
+        turn: from what is carried, what is fixed, and the numbers to what is carried on, then the numbers of the next turn.
+    """
+
+    name: str
+    carried: int
+    fixed: int
+    numbers: int
+    turn: Turn
+
+
+def stream_kernel(stream: Stream, single: bool, lanes: int | None = None) -> Kernel:
+    """A stream as machine code: from the disk, or made now.
+
+    It is called with its carried planes, its fixed planes, and an array of the numbers; the number of turns is a parameter.
+    """
+    from articulated.compiler.machine import machine
+
+    on = machine()
+    f = Format(_SIDE_BY_SIDE * on.register // (4 if single else 8) if lanes is None else lanes, single)
+    plan, inputs, outputs = _traced(stream, f)
+    content = hashlib.sha256(repr((plan.nodes, plan.guards, inputs, outputs)).encode()).digest()
+
+    def build() -> tuple[dict[str, Any], bytes]:
+        text = _function(stream, plan, inputs, outputs, f)
+        code = on.object_code(text)
+        operations = sum(1 for _ in plan.operations())
+        return {"operations": operations, "scratch": 1, "tile": 1, "objects": [len(code)]}, code
+
+    return Kernel(stream.name, f, on, *kept(stream.name, f, on, content, build))
+
+
+def _traced(stream: Stream, f: Format) -> tuple[Schedule, list[int], list[int]]:
+    """What it does, as nodes in order; those that go in and out."""
+    graph = Graph(f.single)
+    inputs = [graph.node("input", 0, k) for k in range(stream.carried + stream.fixed + stream.numbers)]
+    scalars = [Traced(graph, i) for i in inputs]
+    fixed = stream.carried + stream.fixed
+    made = stream.turn(scalars[: stream.carried], scalars[stream.carried : fixed], scalars[fixed:])
+    outputs = [x.index if isinstance(x, Traced) else graph.constant(x) for x in made]
+    assert len(outputs) == stream.carried + stream.numbers, f"{stream.name}: {len(outputs)} numbers are carried on"
+    assert not graph.loops, f"{stream.name} has loops"
+    plan = schedule(graph, [outputs], None, 1, chunk=len(graph.nodes) + 1)
+    return replace(plan, instead={}, slots={}), inputs, outputs
+
+
+def _function(stream: Stream, plan: Schedule, inputs: Sequence[int], outputs: Sequence[int], f: Format) -> str:
+    operations = _InRegisters(plan, f, stream.name)
+    text, planes = operations.text, stream.carried + stream.fixed
+    where = [text.word("%table", 4 * k, "ptr") for k in range(planes + 1)]
+    numbers = [text.spread(text.load(text.at(where[planes], k * f.bytes), f.number, f.bytes)) for k in range(stream.numbers)]
+    turns = text.word("%table", 4 * (planes + 1))
+    blocks = text.integer("sdiv", text.integer("sub", "%end", "%begin"), f.lanes)
+    first = text.integer("mul", "%begin", f.bytes)
+    with text.loop(blocks) as block:
+        here = text.integer("add", first, text.integer("mul", block.k, f.vector_bytes))
+        at = [text.at(plane, here) for plane in where[:planes]]
+        loaded = [text.load(place, text.V, f.vector_bytes) for place in at]
+        with text.loop(turns, text.V, [*loaded[: stream.carried], *numbers]) as turn:
+            begun = [*turn.values[: stream.carried], *loaded[stream.carried :], *turn.values[stream.carried :]]
+            operations.values = dict(zip(inputs, begun, strict=True))
+            for item in flattened(plan.items):
+                if isinstance(item, Chunk):
+                    for part in branched(plan.nodes, plan.guards, item.nodes):
+                        operations.computed(part)
+            turn.following = [operations.value(i) for i in outputs]
+        for place, x in zip(at, turn.values, strict=False):
+            text.do(f"store {text.V} {x}, ptr {place}, align {f.vector_bytes}")
+    arguments = "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile"
+    kernel = text.function("i64", "kernel", arguments, "0", linkage="")
+    declared = [f"declare {kind} @llvm.{name}" for kind, name in intrinsics(f)]
+    return "\n".join([kernel, *declared, f"attributes #0 = {{ {ATTRIBUTES} }}\n"])
+
+
+def planes(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Planes of numbers for a kernel, shape (k, m): of elements, then the last one again until registers are full."""
+    n = len(rows[0])
+    size = -(-max(n, 1) // _BLOCK) * _BLOCK
+    room = np.empty(len(rows) * size * 8 + _LINE, np.uint8)
+    start = -room.ctypes.data % _LINE
+    result = room[start : start + len(rows) * size * 8].view(float).reshape(len(rows), size)
+    for plane, row in zip(result, rows, strict=True):
+        plane[:n], plane[n:] = row, row[-1] if n else 0.0
+    return result
+
+
+class _InRegisters(Operations):
+    """Nodes that never leave registers."""
+
+    def keep(self, i: int) -> None:
+        pass

@@ -1,0 +1,62 @@
+"""Particles that do not act on each other: each goes its own way, many side by side, all steps at once in registers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from articulated.compiler import kernels_of
+from articulated.compiler.interpreter import interpreting
+from articulated.compiler.streams import Stream, planes, stream_kernel
+from articulated.particles.collisions import collided
+from articulated.particles.forces.force import Force, Law
+from articulated.particles.points import Point
+from articulated.particles.solvers.explicit import EXPLICIT, LAGS
+from articulated.scalar import Scalar, either
+from articulated.spatial import Vec3
+
+
+def are_alone(forces: Sequence[Force]) -> bool:
+    """Whether machine code can take each particle for itself."""
+    return not interpreting() and all(isinstance(force, Law) and force.particles is None for force in forces)
+
+
+def advance(system: Any, h: float, steps: int, solver: str, threads: int | None) -> None:
+    """Take a system so many steps on."""
+    of_each = [c for force in system.forces for c in force.constants if c.ndim]
+    memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each])
+    known = kernels_of(system)
+    if (kernel := known.get(solver)) is None:
+        kernel = known[solver] = stream_kernel(_stream(system, solver, len(of_each)), single=False)
+    numbers = np.array([system.time, h])
+    arrays = [(plane, plane.itemsize, 0, None) for plane in (*memory, numbers)]
+    kernel(arrays, memory.shape[1], threads, [steps], steps)
+    n = len(system.x)
+    system.x, system.v = memory[:3, :n].T.copy(), memory[3:6, :n].T.copy()
+    system.time = float(system.time + steps * h)
+
+
+def _stream(system: Any, solver: str, given: int) -> Stream:
+    """A step of each particle."""
+
+    def turn(carried: Sequence[Scalar], fixed: Sequence[Scalar], numbers: Sequence[Scalar]) -> list[Scalar]:
+        (mass, inverse), of_each, (t, h) = fixed[:2], iter(fixed[2:]), numbers
+        constants = [[next(of_each) if c.ndim else float(c) for c in force.constants] for force in system.forces]
+
+        def acceleration(t: Scalar, x: Vec3, v: Vec3) -> Vec3:
+            total = Vec3.zero()
+            for force, values in zip(system.forces, constants, strict=True):
+                (f,) = force.pull(t, [Point(x, v, mass)], *values)
+                total = total + f
+            return total * inverse
+
+        x, v = Vec3.of(carried[:3]), Vec3.of(carried[3:])
+        new = EXPLICIT[solver](acceleration, t, h, x, v)
+        if system.colliders:
+            found = collided(system.colliders, t, h, x, v, *new, lag=LAGS[solver])
+            new = either(inverse > 0.0, found, new)
+        return [*new[0], *new[1], t + h, h]
+
+    return Stream("particles", 6, 2 + given, 2, turn)
