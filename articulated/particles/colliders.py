@@ -18,8 +18,8 @@ from articulated.spatial import Mat3, Vec3
 
 _MARCHES = 24
 """Steps along a path; those that graze a surface take most."""
-_NEAR = 1e-9
-"""What is nearer to a surface than this has reached it [m]."""
+NEAR, LIFT = 1e-9, 1e-10
+"""What is nearer to a surface than this has reached it, and is then put so far above it [m]: no rounding takes it away again."""
 _TINY = 1e-30
 
 
@@ -57,9 +57,9 @@ class Collider(ABC):
         s = 0.0 * length
         for _ in range(_MARCHES):
             gap, _ = self.gap(t + s * h, x + way * s)
-            s = minimum(s + maximum(gap, 0.0) * rate, 1.0)
+            s = minimum(s + where(gap > NEAR, gap - LIFT, 0.0) * rate, 1.0)
         gap, n = self.gap(t + s * h, x + way * s)
-        return s, (gap < _NEAR) & (n.dot(way) < 0.0)
+        return s, (gap <= NEAR) & (n.dot(way) < NEAR)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,9 +87,9 @@ class Plane(Collider):
 
     def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> tuple[Scalar, Scalar]:
         (before, _), (after, _) = self.gap(t, x), self.gap(t + h, y)
-        falls = before - after > _TINY
-        s = where(falls, maximum(before, 0.0) / where(falls, before - after, 1.0), 0.0)
-        return minimum(s, 1.0), after < 0.0
+        falls = (before > NEAR) & (after < before)
+        s = where(falls, (before - LIFT) / where(falls, before - after, 1.0), 0.0)
+        return minimum(s, 1.0), (after <= NEAR) & (after < before + NEAR)
 
 
 @dataclass(frozen=True, eq=False)

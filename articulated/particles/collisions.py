@@ -16,15 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from articulated.particles.colliders import Collider
+from articulated.particles.colliders import LIFT, NEAR, Collider
 from articulated.scalar import Scalar, either, maximum, sqrt, where
 from articulated.spatial import Vec3
 
 _TINY = 1e-30
-_LIFT = 1e-12
-"""What came from a surface is put as far above it, so that it is not found behind it [m]."""
-_FELL = 1e-9
-"""What came nearer by less than this was there already [m]."""
 
 
 def collided(
@@ -46,12 +42,12 @@ def collided(
         _, n = collider.gap(then, at)
         surface = collider.velocity(then, at)
         relative = speed - surface
-        late = where(n.dot(x - at) > _FELL, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
+        late = where(n.dot(x - at) > NEAR, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
         normal = n.dot(relative) + late
         incoming = maximum(-normal, 0.0)
         along = _slowed(relative - n * n.dot(relative), collider.friction * (1.0 + collider.restitution) * incoming)
-        leaving, pressing = collider.restitution * incoming, maximum(-n.dot(a), 0.0)
-        stays = 2.0 * leaving <= pressing * rest
+        leaving, pressing = collider.restitution * incoming, -n.dot(a)
+        stays = (2.0 * leaving <= pressing * rest) & (pressing >= 0.0)
         # it stays on the surface
         drift = along + (a - n * n.dot(a)) * rest
         resting = _slowed(drift, collider.friction * pressing * rest)
@@ -62,7 +58,7 @@ def collided(
         after = either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
         new_x, new_v = either(hits, after, (new_x, new_v))
         gap, n = collider.gap(t + h, new_x)
-        new_x = new_x + n * where(gap < 0.0, _LIFT - gap, 0.0)
+        new_x = new_x + n * where(gap < 0.0, LIFT - gap, 0.0)
     return new_x, new_v
 
 
