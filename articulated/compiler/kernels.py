@@ -132,10 +132,10 @@ class Kernel:
         return -(-batch // self.format.lanes)
 
 
-_kernels: WeakKeyDictionary[Any, dict[Any, Kernel]] = WeakKeyDictionary()
+_kernels: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()
 
 
-def kernels_of(owner: Any) -> dict[Any, Kernel]:
+def kernels_of(owner: Any) -> dict[Any, Any]:
     """The kernels made for an object so far, to be looked up and added to; they go when it goes."""
     known = _kernels.get(owner)
     if known is None:

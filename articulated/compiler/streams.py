@@ -11,6 +11,7 @@ registers.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -89,7 +90,7 @@ def _traced(stream: Stream, f: Format) -> tuple[Schedule, list[int], list[int]]:
 
 
 def _function(stream: Stream, plan: Schedule, inputs: Sequence[int], outputs: Sequence[int], f: Format) -> str:
-    operations = _InRegisters(plan, f, stream.name)
+    operations = InRegisters(plan, f, stream.name)
     text, planes = operations.text, stream.carried + stream.fixed
     where = [text.word("%table", 4 * k, "ptr") for k in range(planes + 1)]
     numbers = [text.spread(text.load(text.at(where[planes], k * f.bytes), f.number, f.bytes)) for k in range(stream.numbers)]
@@ -103,10 +104,7 @@ def _function(stream: Stream, plan: Schedule, inputs: Sequence[int], outputs: Se
         with text.loop(turns, text.V, [*loaded[: stream.carried], *numbers]) as turn:
             begun = [*turn.values[: stream.carried], *loaded[stream.carried :], *turn.values[stream.carried :]]
             operations.values = dict(zip(inputs, begun, strict=True))
-            for item in flattened(plan.items):
-                if isinstance(item, Chunk):
-                    for part in branched(plan.nodes, plan.guards, item.nodes):
-                        operations.computed(part)
+            operations.compute()
             turn.following = [operations.value(i) for i in outputs]
         for place, x in zip(at, turn.values, strict=False):
             text.do(f"store {text.V} {x}, ptr {place}, align {f.vector_bytes}")
@@ -119,17 +117,29 @@ def _function(stream: Stream, plan: Schedule, inputs: Sequence[int], outputs: Se
 def planes(rows: Sequence[np.ndarray]) -> np.ndarray:
     """Planes of numbers for a kernel, shape (k, m): of elements, then the last one again until registers are full."""
     n = len(rows[0])
-    size = -(-max(n, 1) // _BLOCK) * _BLOCK
-    room = np.empty(len(rows) * size * 8 + _LINE, np.uint8)
-    start = -room.ctypes.data % _LINE
-    result = room[start : start + len(rows) * size * 8].view(float).reshape(len(rows), size)
+    result = on_a_line((len(rows), -(-max(n, 1) // _BLOCK) * _BLOCK))
     for plane, row in zip(result, rows, strict=True):
         plane[:n], plane[n:] = row, row[-1] if n else 0.0
     return result
 
 
-class _InRegisters(Operations):
+def on_a_line(shape: tuple[int, ...]) -> np.ndarray:
+    """Room for numbers that begins where any register may be loaded from."""
+    size = 8 * math.prod(shape)
+    room = np.empty(size + _LINE, np.uint8)
+    start = -room.ctypes.data % _LINE
+    return room[start : start + size].view(float).reshape(shape)
+
+
+class InRegisters(Operations):
     """Nodes that never leave registers."""
+
+    def compute(self) -> None:
+        """All of them, one after the other."""
+        for item in flattened(self.schedule.items):
+            if isinstance(item, Chunk):
+                for part in branched(self.schedule.nodes, self.schedule.guards, item.nodes):
+                    self.computed(part)
 
     def keep(self, i: int) -> None:
         pass

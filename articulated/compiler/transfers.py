@@ -169,7 +169,7 @@ class Transfers:
             rows.append(text.let(f"call {kind} @llvm.masked.load.{suffix}.p0({given})"))
         if width < f.lanes:  # two states in a register
             rows = [text.shuffle(kind, a, b, range(f.lanes)) for a, b in zip(rows[:width], rows[width:], strict=True)]
-        for x, slot in zip(_transposed(text, rows), slots, strict=True):
+        for x, slot in zip(transposed(text, rows), slots, strict=True):
             text.do(f"store {text.V} {x}, ptr {slot}, align {f.vector_bytes}")
         return rows
 
@@ -178,7 +178,7 @@ class Transfers:
         f, width = self.f, len(slots)
         kind, suffix = self._part(width)
         seen = [text.load(slot, text.V, f.vector_bytes) for slot in slots]
-        rows = _transposed(text, seen)
+        rows = transposed(text, seen)
         if width < f.lanes:
             rows = [text.shuffle(text.V, x, "poison", range(a, a + width)) for a in (0, width) for x in rows]
         for x, pointer in zip(rows, states, strict=True):
@@ -204,7 +204,7 @@ def _first(text: Text, count: str, width: int) -> str:
     return text.let(f"icmp slt {kind} <{', '.join(f'i32 {n}' for n in range(width))}>, {spread}")
 
 
-def _transposed(text: Text, rows: Sequence[str]) -> list[str]:
+def transposed(text: Text, rows: Sequence[str]) -> list[str]:
     """A square of numbers, or two side by side, turned: neighbours exchange halves, at distance 1, 2, 4 …"""
     lanes, rows = text.f.lanes, list(rows)
     distance = 1

@@ -19,7 +19,7 @@ from articulated.spatial import Mat3, Vec3
 _MARCHES = 24
 """Steps along a path; those that graze a surface take most."""
 NEAR, LIFT = 1e-9, 1e-10
-"""What is nearer to a surface than this has reached it, and is then put so far above it [m]: no rounding takes it away again."""
+"""What is nearer to a surface than this has reached it, and is put so far above it: no rounding takes it away again [m]."""
 _TINY = 1e-30
 
 

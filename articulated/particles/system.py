@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from articulated.particles.alone import advance, are_alone
+from articulated.particles import alone, together
+from articulated.particles.alone import are_alone
 from articulated.particles.check import elements, in_range, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.together import are_laws
 from articulated.spatial import Vec3
 
 SOLVERS = (*EXPLICIT, "implicit_euler")
@@ -196,7 +198,9 @@ class System:
         if method not in EXPLICIT:
             raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
         if are_alone(self.forces):
-            advance(self, h, steps, method, threads)
+            alone.advance(self, h, steps, method, threads)
+        elif are_laws(self.forces, method):
+            together.advance(self, h, steps, method)
         else:
             for _ in range(steps):
                 x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)

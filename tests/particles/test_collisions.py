@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from articulated import particles as ap
+from articulated.spatial import Vec3
 
 G = 9.81
 
@@ -56,6 +57,16 @@ def test_a_slope_holds_what_its_friction_can(angle, slides):
     way = np.linalg.norm(system.x[0])
     expected = 0.5 * G * (math.sin(angle) - math.tan(0.29) * math.cos(angle)) if slides else 0.0
     assert way == pytest.approx(expected, abs=1e-9, rel=1e-6)
+
+
+@pytest.mark.parametrize("solver", ["euler", "semi_implicit", "midpoint", "rk4"])
+def test_what_rests_leaves_when_it_is_pulled_off(solver):
+    pull = ap.Acceleration(lambda t, x: Vec3(0.0, 0.0, 20.0 * t - 9.0))
+    system = ap.System([(0, 0, 0)], None, 1.0, [pull], [ap.Plane()])
+    after(system, 0.44, 0.01, solver)
+    assert abs(system.x[0, 2]) < 5e-3
+    after(system, 0.5, 0.01, solver)
+    assert system.x[0, 2] > 0.1
 
 
 THIN = {

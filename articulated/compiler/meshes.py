@@ -1,0 +1,297 @@
+"""Meshes: elements of a few nodes each, which gather what they need of these and scatter what they do to them.
+
+A node is a row of eight numbers, what is done to it a row of four. As many elements as a register has lanes are worked on at
+once: the rows of their nodes are loaded whole and transposed in registers, and so is what comes of it, which is added to the
+nodes' sums element by element. So sums have one order, and one result, whatever the registers.
+
+A kernel is that of `lowering`; its table is made by `MeshKernel`. It takes steps, each of which goes once through all nodes, to
+begin their sums; through all elements of each law; and through all nodes again.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from articulated.compiler.graph import Graph, Traced
+from articulated.compiler.ir import ATTRIBUTES, Format, Text
+from articulated.compiler.kernels import Kernel, kept
+from articulated.compiler.lowering import intrinsics
+from articulated.compiler.schedule import Schedule, schedule
+from articulated.compiler.streams import InRegisters
+from articulated.compiler.transfers import transposed
+from articulated.scalar import Scalar
+
+ROW, SUM = 8, 4
+"""Numbers of a node, and of what is done to it."""
+_LANES = 8
+Scalars = Sequence[Scalar]
+
+
+@dataclass(frozen=True, eq=False)
+class Elements:
+    """A law for elements of some nodes.
+
+    Attributes:
+        nodes: how many nodes an element has.
+        constants: how many numbers belong to each element.
+        act: from the rows of its nodes, its constants and the numbers of the step to what it does to each node, three numbers.
+    """
+
+    nodes: int
+    constants: int
+    act: Callable[[Sequence[Scalars], Scalars, Scalars], Sequence[Scalars]]
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Steps of nodes on which elements act.
+
+    Attributes:
+        name: for dumps.
+        constants: how many numbers belong to each node besides its row.
+        numbers: how many are the same for all, and carried from step to step.
+        begin: from a node's row, its constants and the numbers to what is done to it without others, three numbers.
+        elements: what acts between nodes.
+        end: from a node's row, what was done to it, its constants and the numbers to its new row.
+        go_on: from the numbers of a step to those of the next.
+    """
+
+    name: str
+    constants: int
+    numbers: int
+    begin: Callable[[Scalars, Scalars, Scalars], Scalars]
+    elements: Sequence[Elements]
+    end: Callable[[Scalars, Scalars, Scalars, Scalars], Scalars]
+    go_on: Callable[[Scalars], Scalars]
+
+
+@dataclass(frozen=True, eq=False)
+class _Pass:
+    """Work without branches in its order: what goes in, and what comes out."""
+
+    plan: Schedule
+    inputs: list[int]
+    outputs: list[int]
+
+
+class MeshKernel:
+    """A mesh as machine code.
+
+    Attributes:
+        lanes: elements that are worked on at once; arrays of elements are that many side by side.
+    """
+
+    def __init__(self, mesh: Mesh, single: bool = False):
+        from articulated.compiler.machine import machine
+
+        on = machine()
+        self.lanes = min(_LANES, on.register // (4 if single else 8))
+        f = Format(self.lanes, single)
+        passes = _passes(mesh, f)
+        content = repr([(one.plan.nodes, one.plan.guards, one.inputs, one.outputs) for one in passes]).encode()
+        content += repr((mesh.constants, mesh.numbers, [(law.nodes, law.constants) for law in mesh.elements])).encode()
+        content = hashlib.sha256(content).digest()
+
+        def build() -> tuple[dict[str, Any], bytes]:
+            code = on.object_code(_Writer(mesh, passes, f).text())
+            return {"operations": 1, "scratch": 1, "tile": 1, "objects": [len(code)]}, code
+
+        self._kernel = Kernel(mesh.name, f, on, *kept(mesh.name, f, on, content, build))
+
+    def __call__(
+        self,
+        rows: np.ndarray,
+        sums: np.ndarray,
+        constants: Sequence[np.ndarray],
+        elements: Sequence[tuple[np.ndarray, Sequence[np.ndarray]]],
+        numbers: np.ndarray,
+        steps: int,
+    ) -> None:
+        """Take steps.
+
+        Args:
+            rows: of nodes, shape (n, 8), n a whole number of lanes, on a line of the cache.
+            sums: room for what is done to them, shape (n, 4).
+            constants: of nodes, each of shape (n,).
+            elements: of each law the numbers of nodes, of int32, shape (blocks, nodes, lanes), and its constants, each of shape
+                (blocks lanes,).
+            numbers: the same for all.
+            steps: how many.
+        """
+        arrays = [rows, sums, *constants, numbers]
+        for nodes, given in elements:
+            arrays += [nodes, *given]
+        counts = [len(rows) // self.lanes, *(len(nodes) for nodes, _ in elements)]
+        self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, [steps, *counts])
+
+
+def _passes(mesh: Mesh, f: Format) -> list[_Pass]:
+    """At the beginning, of each law, at the end, and of the numbers."""
+    c, n = mesh.constants, mesh.numbers
+
+    def begin(x: Scalars) -> Scalars:
+        return mesh.begin(x[:ROW], x[ROW : ROW + c], x[ROW + c :])
+
+    def end(x: Scalars) -> Scalars:
+        return mesh.end(x[:ROW], x[ROW : ROW + 3], x[ROW + 3 : ROW + 3 + c], x[ROW + 3 + c :])
+
+    passes = [_traced(begin, ROW + c + n, f)]
+    for law in mesh.elements:
+
+        def act(x: Scalars, law: Elements = law) -> Scalars:
+            rows = [x[k * ROW : (k + 1) * ROW] for k in range(law.nodes)]
+            rest = x[law.nodes * ROW :]
+            return [c for done in law.act(rows, rest[: law.constants], rest[law.constants :]) for c in done]
+
+        passes.append(_traced(act, law.nodes * ROW + law.constants + n, f))
+    return [*passes, _traced(end, ROW + 3 + c + n, f), _traced(mesh.go_on, n, f)]
+
+
+def _traced(work: Callable[[Scalars], Scalars], count: int, f: Format) -> _Pass:
+    graph = Graph(f.single)
+    inputs = [graph.node("input", 0, k) for k in range(count)]
+    made = work([Traced(graph, i) for i in inputs])
+    outputs = [x.index if isinstance(x, Traced) else graph.constant(x) for x in made]
+    assert not graph.loops, "a mesh has loops"
+    plan = schedule(graph, [outputs], None, 1, chunk=len(graph.nodes) + 1)
+    return _Pass(replace(plan, instead={}, slots={}), inputs, outputs)
+
+
+class _Writer:
+    """The kernel of a mesh being written."""
+
+    def __init__(self, mesh: Mesh, passes: Sequence[_Pass], f: Format):
+        self.mesh, self.passes, self.f, self.t = mesh, passes, f, Text(f)
+        self.part = min(SUM, f.lanes)
+
+    def text(self) -> str:
+        t, mesh = self.t, self.mesh
+        begin, *laws, end, go_on = self.passes
+        at = iter(range(3 + mesh.constants + sum(1 + law.constants for law in mesh.elements)))
+
+        def pointer() -> str:
+            return t.word("%table", 4 * next(at), "ptr")
+
+        rows, sums = pointer(), pointer()
+        constants = [pointer() for _ in range(mesh.constants)]
+        numbers = pointer()
+        elements = [(pointer(), [pointer() for _ in range(law.constants)]) for law in mesh.elements]
+        first = 4 * (3 + mesh.constants + sum(1 + law.constants for law in mesh.elements))
+        steps, blocks, *counts = (t.word("%table", first + k) for k in range(2 + len(mesh.elements)))
+        f = self.f
+        start = [t.spread(t.load(t.at(numbers, k * f.bytes), f.number, f.bytes)) for k in range(mesh.numbers)]
+        with t.loop(steps, t.V, start) as step:
+            with t.loop(blocks) as block:
+                here = self._nodes(rows, block.k)
+                done = self._work(begin, [*self._row(here), *self._constants(constants, block.k), *step.values])
+                places = self._nodes(sums, block.k, SUM)
+                for place, parts in zip(places, self._as_rows(done), strict=True):
+                    self._put(place, parts)
+            for (nodes, given), law, one, count in zip(elements, mesh.elements, laws, counts, strict=True):
+                with t.loop(count) as block:
+                    self._act(law, one, rows, sums, nodes, self._constants(given, block.k), block.k, step.values)
+            with t.loop(blocks) as block:
+                here = self._nodes(rows, block.k)
+                done = self._columns([self._take(place) for place in self._nodes(sums, block.k, SUM)])[:3]
+                new = self._work(end, [*self._row(here), *done, *self._constants(constants, block.k), *step.values])
+                for k in range(0, ROW, f.lanes):
+                    for place, x in zip(here, transposed(t, new[k : k + f.lanes]), strict=True):
+                        t.do(f"store {t.V} {x}, ptr {t.at(place, k * f.bytes)}, align {f.vector_bytes}")
+            step.following = self._work(go_on, step.values)
+        kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", "0", linkage="")
+        declared = [f"declare {kind} @llvm.{name}" for kind, name in intrinsics(f)]
+        return "\n".join([kernel, *declared, f"attributes #0 = {{ {ATTRIBUTES} }}\n"])
+
+    def _act(
+        self,
+        law: Elements,
+        one: _Pass,
+        rows: str,
+        sums: str,
+        nodes: str,
+        constants: Sequence[str],
+        block: str,
+        numbers: Sequence[str],
+    ) -> None:
+        """What a block of elements does."""
+        t, f = self.t, self.f
+        here = t.at(nodes, t.integer("mul", block, 4 * law.nodes * f.lanes))
+        numbered = []
+        for k in range(law.nodes):
+            some = [t.load(t.at(here, 4 * (k * f.lanes + lane)), "i32", 4) for lane in range(f.lanes)]
+            numbered.append([t.let(f"sext i32 {number} to i64") for number in some])
+        gathered = []
+        for some in numbered:
+            gathered += self._row([t.at(rows, t.integer("mul", number, ROW * f.bytes)) for number in some])
+        done = self._work(one, [*gathered, *constants, *numbers])
+        scattered = [self._as_rows(done[3 * k : 3 * k + 3]) for k in range(law.nodes)]
+        for lane in range(f.lanes):
+            for k in range(law.nodes):
+                place = t.at(sums, t.integer("mul", numbered[k][lane], SUM * f.bytes))
+                before = self._take(place)
+                kind = f"<{self.part} x {f.number}>"
+                self._put(place, [t.let(f"fadd {kind} {a}, {b}") for a, b in zip(before, scattered[k][lane], strict=True)])
+
+    def _work(self, one: _Pass, inputs: Sequence[str]) -> list[str]:
+        operations = InRegisters(one.plan, self.f, self.mesh.name)
+        operations.text = self.t
+        operations.values = dict(zip(one.inputs, inputs, strict=True))
+        operations.compute()
+        return [operations.value(i) for i in one.outputs]
+
+    def _nodes(self, base: str, block: str, width: int = ROW) -> list[str]:
+        """Where the rows of a block of nodes are."""
+        size = width * self.f.bytes
+        first = self.t.at(base, self.t.integer("mul", block, size * self.f.lanes))
+        return [self.t.at(first, lane * size) for lane in range(self.f.lanes)]
+
+    def _constants(self, planes: Sequence[str], block: str) -> list[str]:
+        t, f = self.t, self.f
+        return [t.load(t.at(plane, t.integer("mul", block, f.vector_bytes)), t.V, f.vector_bytes) for plane in planes]
+
+    def _row(self, places: Sequence[str]) -> list[str]:
+        """The rows of some nodes, as a register for each of their numbers."""
+        t, f, found = self.t, self.f, []
+        for k in range(0, ROW, f.lanes):
+            found += transposed(t, [t.load(t.at(place, k * f.bytes), t.V, f.vector_bytes) for place in places])
+        return found
+
+    def _as_rows(self, numbers: Sequence[str]) -> list[list[str]]:
+        """Three numbers of each lane as the parts of a row of four."""
+        t, f = self.t, self.f
+        four = [*numbers, "zeroinitializer"]
+        if f.lanes >= SUM:
+            square = transposed(t, [*four, *["zeroinitializer"] * (f.lanes - SUM)])
+            if f.lanes == SUM:
+                return [[x] for x in square]
+            return [[t.shuffle(t.V, x, "poison", range(SUM))] for x in square]
+        halves = [transposed(t, four[k : k + f.lanes]) for k in range(0, SUM, f.lanes)]
+        return [list(parts) for parts in zip(*halves, strict=True)]
+
+    def _columns(self, rows: Sequence[Sequence[str]]) -> list[str]:
+        """The reverse of `_as_rows`: a register for each of four numbers."""
+        t, f = self.t, self.f
+        if f.lanes >= SUM:
+            wide = [row[0] for row in rows]
+            if f.lanes > SUM:
+                wide = [t.shuffle(f"<{SUM} x {f.number}>", x, "poison", [*range(SUM), *[0] * (f.lanes - SUM)]) for x in wide]
+            return transposed(t, wide)[:SUM]
+        found = []
+        for k in range(SUM // f.lanes):
+            found += transposed(t, [row[k] for row in rows])
+        return found
+
+    def _take(self, place: str) -> list[str]:
+        """The parts of a row of four."""
+        t, f, kind = self.t, self.f, f"<{self.part} x {self.f.number}>"
+        return [t.load(t.at(place, k * f.bytes), kind, self.part * f.bytes) for k in range(0, SUM, self.part)]
+
+    def _put(self, place: str, parts: Sequence[str]) -> None:
+        t, f, kind = self.t, self.f, f"<{self.part} x {self.f.number}>"
+        for k, x in enumerate(parts):
+            t.do(f"store {kind} {x}, ptr {t.at(place, k * self.part * f.bytes)}, align {self.part * f.bytes}")

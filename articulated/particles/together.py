@@ -1,0 +1,115 @@
+"""Particles that act on each other: machine code goes through all elements and all particles, step by step."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from articulated.compiler import kernels_of
+from articulated.compiler.interpreter import interpreting
+from articulated.compiler.meshes import ROW, SUM, Elements, Mesh, MeshKernel
+from articulated.compiler.streams import on_a_line
+from articulated.particles.collisions import collided
+from articulated.particles.forces.force import Force, Law
+from articulated.particles.points import Point
+from articulated.particles.solvers.explicit import EXPLICIT, LAGS
+from articulated.scalar import Scalar, either
+from articulated.spatial import Vec3
+
+ONE_STAGE = ("euler", "semi_implicit")
+"""Methods that ask once in a step what acts."""
+
+Scalars = Sequence[Scalar]
+
+
+def are_laws(forces: Sequence[Force], solver: str) -> bool:
+    """Whether machine code can take all of them, and the method."""
+    return not interpreting() and solver in ONE_STAGE and all(isinstance(force, Law) for force in forces)
+
+
+def advance(system: Any, h: float, steps: int, solver: str) -> None:
+    """Take a system so many steps on."""
+    n, known = len(system.x), kernels_of(system)
+    if (found := known.get(solver)) is None:
+        kernel = MeshKernel(_mesh(system, solver))
+        found = known[solver] = kernel, _elements(system, kernel.lanes), [_filled(c, kernel.lanes) for c in _of_nodes(system)]
+    kernel, elements, constants = found
+    rows = on_a_line((_size(n, kernel.lanes), ROW))
+    rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = system.x, system.mass, system.v, system.inverse_mass
+    rows[n:] = 0.0
+    rows[n:, 0] = np.arange(len(rows) - n)  # what fills up elements is on nodes of its own, which are not in one place
+    numbers = np.array([system.time, h])
+    kernel(rows, on_a_line((len(rows), SUM)), constants, elements, numbers, steps)
+    system.x, system.v, system.time = rows[:n, :3].copy(), rows[:n, 4:7].copy(), float(system.time + steps * h)
+
+
+def _mesh(system: Any, solver: str) -> Mesh:
+    """A step of all of them."""
+    alone = [force for force in system.forces if force.particles is None]
+    between = [force for force in system.forces if force.particles is not None]
+
+    def begin(row: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
+        total, given = Vec3.zero(), iter(constants)
+        for force in alone:
+            (f,) = force.pull(numbers[0], [_point(row)], *_values(force, given))
+            total = total + f
+        return [*total]
+
+    def act(force: Law) -> Callable[[Sequence[Scalars], Scalars, Scalars], Sequence[Scalars]]:
+        def pull(rows: Sequence[Scalars], constants: Scalars, numbers: Scalars) -> Sequence[Scalars]:
+            return [[*f] for f in force.pull(numbers[0], [_point(row) for row in rows], *_values(force, iter(constants)))]
+
+        return pull
+
+    def end(row: Scalars, done: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
+        point, (t, h), inverse = _point(row), numbers, row[7]
+        a = Vec3.of(done) * inverse
+        x, v = EXPLICIT[solver](lambda *_: a, t, h, point.x, point.v)
+        if system.colliders:
+            found = collided(system.colliders, t, h, point.x, point.v, x, v, lag=LAGS[solver])
+            x, v = either(inverse > 0.0, found, (x, v))
+        return [*x, row[3], *v, inverse]
+
+    laws = [Elements(force.particles.shape[1], sum(c.ndim for c in force.constants), act(force)) for force in between]
+    count = sum(c.ndim for force in alone for c in force.constants)
+    return Mesh("particles", count, 2, begin, laws, end, lambda numbers: [numbers[0] + numbers[1], numbers[1]])
+
+
+def _elements(system: Any, lanes: int) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+    """Of each law between particles, whose they are and what it knows of each."""
+    n, found = len(system.x), []
+    for force in system.forces:
+        if force.particles is None:
+            continue
+        count, size = force.particles.shape
+        numbers = np.empty((-(-count // lanes) * lanes, size), np.int32)
+        numbers[:count], numbers[count:] = force.particles, n + np.arange(size)
+        blocks = np.ascontiguousarray(numbers.reshape(-1, lanes, size).transpose(0, 2, 1))
+        found.append((blocks, [_filled(c, lanes) for c in force.constants if c.ndim]))
+    return found
+
+
+def _of_nodes(system: Any) -> list[np.ndarray]:
+    return [c for force in system.forces if force.particles is None for c in force.constants if c.ndim]
+
+
+def _filled(constants: np.ndarray, lanes: int) -> np.ndarray:
+    """One for each of a whole number of registers."""
+    result = on_a_line((_size(len(constants), lanes),))
+    result[: len(constants)], result[len(constants) :] = constants, constants[-1] if len(constants) else 0.0
+    return result
+
+
+def _size(count: int, lanes: int) -> int:
+    """Room for so many, and for what fills up elements."""
+    return -(-(count + ROW) // lanes) * lanes
+
+
+def _values(force: Law, given: Any) -> list[Scalar]:
+    return [next(given) if c.ndim else float(c) for c in force.constants]
+
+
+def _point(row: Scalars) -> Point:
+    return Point(Vec3.of(row[:3]), Vec3.of(row[4:7]), row[3])
