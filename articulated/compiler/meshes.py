@@ -17,11 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from articulated.compiler.graph import Graph, Traced
+from articulated.compiler.graph import Graph, Traced, operands
 from articulated.compiler.ir import ATTRIBUTES, Format, Text
 from articulated.compiler.kernels import Kernel, kept
 from articulated.compiler.lowering import intrinsics
-from articulated.compiler.schedule import Schedule, schedule
+from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
 from articulated.compiler.streams import InRegisters
 from articulated.compiler.transfers import transposed
 from articulated.scalar import Scalar
@@ -162,6 +162,30 @@ def _traced(work: Callable[[Scalars], Scalars], count: int, f: Format) -> _Pass:
     return _Pass(replace(plan, instead={}, slots={}), inputs, outputs)
 
 
+def _differences(one: _Pass) -> dict[int, int] | None:
+    """Of a law for two nodes that looks at differences of their rows only: the nodes of these, by their place in the row.
+
+    They are taken before rows are transposed, which is half the work. None: it looks at other things.
+    """
+    nodes, found = one.plan.nodes, {}
+    first, second = one.inputs[:ROW], one.inputs[ROW : 2 * ROW]
+    pairs = {("sub", a, b): k for k, (a, b) in enumerate(zip(first, second, strict=True))}
+    rows = {*first, *second}
+    computed = [i for item in flattened(one.plan.items) if isinstance(item, Chunk) for i in item.nodes]
+    for i in computed:
+        if nodes[i] in pairs:
+            found[pairs[nodes[i]]] = i
+        elif not rows.isdisjoint(operands(nodes[i])):
+            return None
+    return found if rows.isdisjoint(one.outputs) else None
+
+
+def _opposite(one: _Pass, k: int) -> bool:
+    """Whether what is done to the k-th node is the opposite of what is done to the first."""
+    first, other = one.outputs[:3], one.outputs[3 * k : 3 * k + 3]
+    return k > 0 and all(one.plan.nodes[b] == ("neg", a) for a, b in zip(first, other, strict=True))
+
+
 class _Writer:
     """The kernel of a mesh being written."""
 
@@ -225,22 +249,30 @@ class _Writer:
         for k in range(law.nodes):
             some = [t.load(t.at(here, 4 * (k * f.lanes + lane)), "i32", 4) for lane in range(f.lanes)]
             numbered.append([t.let(f"sext i32 {number} to i64") for number in some])
-        gathered = []
-        for some in numbered:
-            gathered += self._row([t.at(rows, t.integer("mul", number, ROW * f.bytes)) for number in some])
-        done = self._work(one, [*gathered, *constants, *numbers])
-        scattered = [self._as_rows(done[3 * k : 3 * k + 3]) for k in range(law.nodes)]
+        places = [[t.at(rows, t.integer("mul", number, ROW * f.bytes)) for number in some] for some in numbered]
+        rest = dict(zip(one.inputs[ROW * law.nodes :], [*constants, *numbers], strict=True))
+        if law.nodes == 2 and (differences := _differences(one)) is not None:
+            apart = self._row(places[0], places[1])
+            gathered = {differences[k]: x for k, x in enumerate(apart) if k in differences}
+        else:
+            gathered = dict(zip(one.inputs, [x for some in places for x in self._row(some)], strict=False))
+        done = self._computed(one, gathered | rest)
+        first = self._as_rows(done[:3])
+        scattered = [
+            (first, "fsub") if _opposite(one, k) else (self._as_rows(done[3 * k : 3 * k + 3]), "fadd") for k in range(law.nodes)
+        ]
         for lane in range(f.lanes):
-            for k in range(law.nodes):
+            for k, (parts, operation) in enumerate(scattered):
                 place = t.at(sums, t.integer("mul", numbered[k][lane], SUM * f.bytes))
-                before = self._take(place)
-                kind = f"<{self.part} x {f.number}>"
-                self._put(place, [t.let(f"fadd {kind} {a}, {b}") for a, b in zip(before, scattered[k][lane], strict=True)])
+                before, kind = self._take(place), f"<{self.part} x {f.number}>"
+                self._put(place, [t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, parts[lane], strict=True)])
 
     def _work(self, one: _Pass, inputs: Sequence[str]) -> list[str]:
+        return self._computed(one, dict(zip(one.inputs, inputs, strict=True)))
+
+    def _computed(self, one: _Pass, known: dict[int, str]) -> list[str]:
         operations = InRegisters(one.plan, self.f, self.mesh.name)
-        operations.text = self.t
-        operations.values = dict(zip(one.inputs, inputs, strict=True))
+        operations.text, operations.values = self.t, known
         operations.compute()
         return [operations.value(i) for i in one.outputs]
 
@@ -254,11 +286,14 @@ class _Writer:
         t, f = self.t, self.f
         return [t.load(t.at(plane, t.integer("mul", block, f.vector_bytes)), t.V, f.vector_bytes) for plane in planes]
 
-    def _row(self, places: Sequence[str]) -> list[str]:
-        """The rows of some nodes, as a register for each of their numbers."""
+    def _row(self, places: Sequence[str], less: Sequence[str] = ()) -> list[str]:
+        """The rows of some nodes, less those of others, as a register for each of their numbers."""
         t, f, found = self.t, self.f, []
         for k in range(0, ROW, f.lanes):
-            found += transposed(t, [t.load(t.at(place, k * f.bytes), t.V, f.vector_bytes) for place in places])
+            rows, others = (
+                [t.load(t.at(place, k * f.bytes), t.V, f.vector_bytes) for place in some] for some in (places, less)
+            )
+            found += transposed(t, [t.let(f"fsub {t.V} {a}, {b}") for a, b in zip(rows, others, strict=True)] if less else rows)
         return found
 
     def _as_rows(self, numbers: Sequence[str]) -> list[list[str]]:

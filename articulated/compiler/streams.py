@@ -139,7 +139,8 @@ class InRegisters(Operations):
         for item in flattened(self.schedule.items):
             if isinstance(item, Chunk):
                 for part in branched(self.schedule.nodes, self.schedule.guards, item.nodes):
-                    self.computed(part)
+                    if part not in self.values:
+                        self.computed(part)
 
     def keep(self, i: int) -> None:
         pass
