@@ -9,10 +9,11 @@ import numpy as np
 
 from articulated.particles import alone, together
 from articulated.particles.alone import are_alone
+from articulated.particles.chains import REACH, Chains
 from articulated.particles.check import elements, in_range, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
-from articulated.particles.forces.force import Force
+from articulated.particles.forces.force import Force, Law
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.together import are_laws
@@ -40,6 +41,7 @@ class System:
         mass: shape (n,) [kg]; zero for what is pinned, which has no weight either.
         inverse_mass: shape (n,) [1/kg]; zero for what is pinned.
         forces, colliders, time: see above.
+        chains: if they are nothing but chains of one length, which; else None.
 
     Raises:
         ValueError: an array does not fit, a number is not finite, a mass is not positive, a pinned particle moves, or a force
@@ -81,6 +83,7 @@ class System:
                 raise ValueError(f"colliders holds {collider!r}; expected Plane(…), Sphere(…) and the like")
         self.forces = tuple(force.bound(self.x, self.mass) for force in forces)
         self.colliders = tuple(colliders)
+        self.chains = Chains.of(n, self.forces)
 
     def __repr__(self) -> str:
         return (
@@ -126,6 +129,20 @@ class System:
         for force in self.forces:
             total += force.diagonal(t, x, v, self.mass, h, convex=True)
         return total
+
+    def band(self, t: float, x: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
+        """Of chains, each particle's blocks with itself and those before it of what `product` multiplies with, (n, 3, 3, 3)."""
+        result = np.zeros((len(self.x), 1 + REACH, 3, 3))
+        for force in self.forces:
+            if not isinstance(force, Law):
+                continue
+            matrices = force.matrices(t, x, v, self.mass, h)
+            numbers = np.arange(len(x))[:, None] if force.particles is None else force.particles
+            for a, b in np.ndindex(matrices.shape[1:3]):
+                before = numbers[:, a] - numbers[:, b]
+                there = before >= 0
+                np.add.at(result, (numbers[there, a], before[there]), matrices[there, a, b])
+        return result
 
     def derivative(self, t: float | None = None) -> np.ndarray:
         """Of the state: velocities, then f/m, shape (6 n,)."""
@@ -185,7 +202,7 @@ class System:
             threads: how many may share the work; None is as many as are useful.
 
         Returns:
-            The largest residual that an implicit solver left [m/s]; zero of others.
+            By how much the last turn of an implicit solver changed velocities, at most [m/s]; zero of others.
 
         Raises:
             ValueError: the step has no length, there is no such solver, or the number of steps is none.

@@ -143,6 +143,17 @@ class Law(Force):
         columns = [self._summed([found[3 * n + k][n] for n in range(len(points))], len(x)) for k in range(3)]
         return np.stack(columns, axis=-1)
 
+    def matrices(self, t: float, x: np.ndarray, v: np.ndarray, mass: np.ndarray, h: float) -> np.ndarray:
+        """What `product` multiplies with to be convex, of each element: shape (m, k, k, 3, 3), rows first."""
+        numbers, points = self._numbers(len(x)), self._points(x, v, mass)
+        (m, k), units = numbers.shape, _units(numbers.shape[1])
+        result = np.empty((m, k, k, 3, 3))
+        for n, unit in enumerate(units):
+            for a, f in enumerate(self.convex_resistance(t, points, unit, h, *self.constants)):
+                for c, part in enumerate(f):
+                    result[:, a, n // 3, c, n % 3] = part
+        return result
+
     def _numbers(self, n: int) -> np.ndarray:
         return np.arange(n)[:, None] if self.particles is None else self.particles
 
