@@ -6,6 +6,7 @@ system = ap.System(x, forces=[ap.Gravity(), ap.Springs(pairs, stiffness=100.0)],
 system.step(1e-3)
 """
 
+from articulated.particles.builders import Fabric, grid_cloth, mesh_cloth, rope
 from articulated.particles.colliders import Box, Capsule, Collider, Plane, Sphere
 from articulated.particles.fields import attractor, uniform, vortex
 from articulated.particles.forces.bending import Bending, hinge_weights
@@ -27,6 +28,7 @@ __all__ = [
     "Capsule",
     "Collider",
     "Drag",
+    "Fabric",
     "Force",
     "Gravity",
     "ImplicitEuler",
@@ -40,7 +42,10 @@ __all__ = [
     "System",
     "TriangleWind",
     "attractor",
+    "grid_cloth",
     "hinge_weights",
+    "mesh_cloth",
+    "rope",
     "uniform",
     "vortex",
 ]

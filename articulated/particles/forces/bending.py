@@ -87,8 +87,9 @@ class Bending(Law):
 def hinge_weights(x: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     """The weights of flat elements of two triangles with a common edge, for a stiffness per edge in [N m].
 
-    With the edge's length e and the cotangents of the four angles at its ends, the curvature is that of the equation above,
-    over the root of a third of the triangles' areas: 3/(A₀ + A₁) |Σ w_i x_i|² k/2.
+    With the cotangents of the four angles at its ends, the curvature is that of the equation above, over the root of the areas
+    of the two triangles. Differs: there it is a third of these. But all curvature of a sheet that bends one way is in a third
+    of the edges of a regular mesh, of squares with diagonals or of equal sides: so its energy is that of a sheet, k κ²/2 an area.
 
     Args:
         x: where the particles are at rest, shape (n, 3) [m].
@@ -113,7 +114,7 @@ def hinge_weights(x: np.ndarray, hinges: np.ndarray) -> np.ndarray:
     at_a_d, double_d = cotangent(b - a, d - a)
     at_b_d, _ = cotangent(a - b, d - b)
     weights = np.stack([at_b_c + at_b_d, at_a_c + at_a_d, -(at_a_c + at_b_c), -(at_a_d + at_b_d)], axis=1)
-    return weights * np.sqrt(6.0 / (double_c + double_d))[:, None]
+    return weights * np.sqrt(2.0 / (double_c + double_d))[:, None]
 
 
 def _weighed(vectors: Sequence[Vec3], weights: Sequence[Scalar]) -> Vec3:
