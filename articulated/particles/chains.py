@@ -68,7 +68,7 @@ class Chains:
         lanes = blocks.reshape(self.count, self.length, 3, 3, 3).transpose(1, 2, 3, 4, 0)
         right = np.where(held[:, None], 0.0, r).reshape(self.count, self.length, 3).transpose(1, 2, 0)
         rows = [[Mat3.of(block) for block in three] for three in lanes]
-        found = solved(rows, [Vec3.of(x) for x in right])
+        found = solved(rows, [Vec3(*x) for x in right])
         return np.stack([np.stack(list(x), axis=-1) for x in found], axis=1).reshape(-1, 3)
 
 

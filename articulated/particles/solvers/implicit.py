@@ -59,14 +59,13 @@ class ImplicitEuler:
         r = residual(v)
         for _ in range(self.turns):
             x = x0 + h * v
-
             if system.chains is not None:
                 band = system.band(t, x, v, h)
                 band[:, 0] += m[:, :, None] * np.eye(3)
                 change = system.chains.solve(band, -r, w[:, 0] == 0.0)
             else:
                 change = self._iterated(system, t, h, x, v, r)
-            size = float(np.sqrt(max(0.0, -np.vdot(r, change)) / max(system.mass.sum(), np.finfo(float).tiny)))
+            size = float(np.sqrt(max(0.0, -float(np.vdot(r, change))) / max(system.mass.sum(), np.finfo(float).tiny)))
             v, r = _searched(residual, v, r, change)
             if size <= self.tolerance:
                 break
