@@ -89,7 +89,8 @@ def hinge_weights(x: np.ndarray, hinges: np.ndarray) -> np.ndarray:
 
     With the cotangents of the four angles at its ends, the curvature is that of the equation above, over the root of the areas
     of the two triangles. Differs: there it is a third of these. But all curvature of a sheet that bends one way is in a third
-    of the edges of a regular mesh, of squares with diagonals or of equal sides: so its energy is that of a sheet, k κ²/2 an area.
+    of the edges of a regular mesh, of squares with diagonals or of equal sides: so its energy is that of a sheet, k κ²/2 an
+    area.
 
     Args:
         x: where the particles are at rest, shape (n, 3) [m].
