@@ -37,7 +37,7 @@ def chain(n: int) -> art.Rig:
 
 def rig_of(name: str) -> art.Rig:
     if name == "chain":
-        return chain(30)
+        return chain(20)
     if name == "ragdoll":
         return art.load("ragdoll", root="free")
     return art.load(example_robots() / ROBOTS[name], root="free")

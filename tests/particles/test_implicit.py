@@ -60,14 +60,14 @@ def test_order():
 @pytest.mark.parametrize("stiffness", [1e2, 1e5, 1e9])
 @pytest.mark.parametrize("h", [1e-3, 1e-2, 1e-1])
 def test_energy_never_rises(stiffness, h):
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         n = 16
         x, pairs = rng.normal(size=(n, 3)), [(i, j) for i in range(n) for j in range(i) if (i * j) % 3 == 1]
         rest = np.linalg.norm(x[[i for i, _ in pairs]] - x[[j for _, j in pairs]], axis=1) * rng.uniform(0.8, 1.2, len(pairs))
         system = ap.System(x, rng.normal(size=(n, 3)), rng.uniform(0.5, 2.0, n), [ap.Springs(pairs, stiffness, 0.0, rest)])
         energy, momentum = system.energy(), system.momentum()[0]
-        for _ in range(30):
+        for _ in range(20):
             system.step(h, "implicit_euler")
             assert system.energy() <= energy * (1.0 + 1e-12)
             energy = system.energy()
