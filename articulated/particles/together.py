@@ -31,10 +31,10 @@ def are_laws(forces: Sequence[Force], solver: str) -> bool:
 
 def advance(system: Any, h: float, steps: int, solver: str) -> None:
     """Take a system so many steps on."""
-    n, known = len(system.x), kernels_of(system)
-    if (found := known.get(solver)) is None:
+    n, known, key = len(system.x), kernels_of(system), (solver, system.forces, system.colliders)
+    if (found := known.get(key)) is None:
         kernel = MeshKernel(_mesh(system, solver))
-        found = known[solver] = kernel, _elements(system, kernel.lanes), [_filled(c, kernel.lanes) for c in _of_nodes(system)]
+        found = known[key] = kernel, _elements(system, kernel.lanes), [_filled(c, kernel.lanes) for c in _of_nodes(system)]
     kernel, elements, constants = found
     rows = on_a_line((_size(n, kernel.lanes), ROW))
     rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = system.x, system.mass, system.v, system.inverse_mass

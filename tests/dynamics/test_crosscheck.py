@@ -66,7 +66,7 @@ def test_roots(robots, robot, root):
 @pytest.mark.parametrize(
     "robot", sorted(REFUSED - {"ur_description/urdf/ur3.urdf", "alex_description/urdf/alex_psyonic_hands.urdf"})
 )
-def test_repaired_robot(robots, robot):
+def test_repaired_robot(interpreted, robots, robot):
     # massless fingers remain without mass however their inertia is repaired: they are given rotors
     builder = read(robots / robot)
     builder._joints = [one if one.kind == "fixed" else with_rotor(one) for one in builder._joints]

@@ -101,3 +101,11 @@ def test_no_particles_and_no_steps():
     np.testing.assert_array_equal(some.state, before)
     with pytest.raises(ValueError, match="steps is -1; expected a whole number"):
         some.step(0.1, steps=-1)
+
+
+def test_what_is_changed_later_is_seen():
+    one = ap.System([(0, 0, 1.0)], None, 1.0, [ap.Gravity()])
+    one.step(0.01, steps=10)
+    one.colliders = (ap.Plane(),)
+    one.step(0.01, steps=200)
+    assert one.x[0, 2] == pytest.approx(0.0, abs=1e-9)
