@@ -43,7 +43,7 @@ def _stream(system: Any, solver: str, given: int) -> Stream:
 
     def turn(carried: Sequence[Scalar], fixed: Sequence[Scalar], numbers: Sequence[Scalar]) -> list[Scalar]:
         (mass, inverse), of_each, (t, h) = fixed[:2], iter(fixed[2:]), numbers
-        constants = [[next(of_each) if c.ndim else float(c) for c in force.constants] for force in system.forces]
+        constants = [force.constants_of(of_each) for force in system.forces]
 
         def acceleration(t: Scalar, x: Vec3, v: Vec3) -> Vec3:
             total = Vec3.zero()

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from articulated.scalar import Scalar
 from articulated.spatial import Vec3
 
@@ -21,3 +23,8 @@ class Point:
     x: Vec3
     v: Vec3
     m: Scalar
+
+
+def vectors(rows: np.ndarray) -> Vec3:
+    """Rows of three numbers as one vector of arrays."""
+    return Vec3(rows[:, 0], rows[:, 1], rows[:, 2])

@@ -14,10 +14,10 @@ from articulated.particles.check import elements, in_range, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
+from articulated.particles.points import vectors
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.together import are_laws
-from articulated.spatial import Vec3
 
 SOLVERS = (*EXPLICIT, "implicit_euler")
 
@@ -161,9 +161,9 @@ class System:
         """The state after particles that are at a collider, and heading in, bounced off: V′ = V_T − k_r V_N, shape (6 n,)."""
         x, v = (part.copy() for part in self._parts(np.asarray(y, dtype=float)))
         for collider in self.colliders:
-            gap, n = collider.gap(t, _vector(x))
+            gap, n = collider.gap(t, vectors(x))
             normal = np.stack(np.broadcast_arrays(*n, gap), axis=1)[:, :3]
-            relative = v - np.stack(np.broadcast_arrays(*collider.velocity(t, _vector(x)), gap), axis=1)[:, :3]
+            relative = v - np.stack(np.broadcast_arrays(*collider.velocity(t, vectors(x)), gap), axis=1)[:, :3]
             incoming = (relative * normal).sum(axis=1)
             hit = (gap < 1e-6) & (incoming < 0.0) & (self.inverse_mass > 0.0)
             v[hit] -= (1.0 + collider.restitution) * incoming[hit, None] * normal[hit]
@@ -232,7 +232,7 @@ class System:
     def _arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
         """Where a step would have led, unless something was in the way."""
         if self.colliders:
-            here = [_vector(part) for part in (self.x, self.v, x, v)]
+            here = [vectors(part) for part in (self.x, self.v, x, v)]
             found = collided(self.colliders, self.time, h, *here, lag=lag)
             free = self.inverse_mass[:, None] > 0.0
             x, v = (np.where(free, np.stack(list(new), axis=1), old) for new, old in zip(found, (x, v), strict=True))
@@ -240,7 +240,7 @@ class System:
 
     def _event(self, collider: Collider) -> Callable[[float, np.ndarray], float]:
         def event(t: float, y: np.ndarray) -> float:
-            gap, _ = collider.gap(t, _vector(self._parts(y)[0]))
+            gap, _ = collider.gap(t, vectors(self._parts(y)[0]))
             return float(np.min(np.where(self.inverse_mass > 0.0, gap, np.inf)))
 
         event.terminal, event.direction = True, -1.0  # type: ignore[attr-defined]
@@ -263,7 +263,3 @@ def _mask(pinned: Any, n: int) -> np.ndarray:
     mask = np.zeros(n, dtype=bool)
     mask[some[:, 0]] = True
     return mask
-
-
-def _vector(rows: np.ndarray) -> Vec3:
-    return Vec3(rows[:, 0], rows[:, 1], rows[:, 2])

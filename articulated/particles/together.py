@@ -53,13 +53,13 @@ def _mesh(system: Any, solver: str) -> Mesh:
     def begin(row: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
         total, given = Vec3.zero(), iter(constants)
         for force in alone:
-            (f,) = force.pull(numbers[0], [_point(row)], *_values(force, given))
+            (f,) = force.pull(numbers[0], [_point(row)], *force.constants_of(given))
             total = total + f
         return [*total]
 
     def act(force: Law) -> Callable[[Sequence[Scalars], Scalars, Scalars], Sequence[Scalars]]:
         def pull(rows: Sequence[Scalars], constants: Scalars, numbers: Scalars) -> Sequence[Scalars]:
-            return [[*f] for f in force.pull(numbers[0], [_point(row) for row in rows], *_values(force, iter(constants)))]
+            return [[*f] for f in force.pull(numbers[0], [_point(row) for row in rows], *force.constants_of(iter(constants)))]
 
         return pull
 
@@ -105,10 +105,6 @@ def _filled(constants: np.ndarray, lanes: int) -> np.ndarray:
 def _size(count: int, lanes: int) -> int:
     """Room for so many, and for what fills up elements."""
     return -(-(count + ROW) // lanes) * lanes
-
-
-def _values(force: Law, given: Any) -> list[Scalar]:
-    return [next(given) if c.ndim else float(c) for c in force.constants]
 
 
 def _point(row: Scalars) -> Point:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from articulated import particles as ap
+from articulated.particles.points import vectors
 from articulated.spatial import Vec3
 
 G = 9.81
@@ -94,7 +95,7 @@ def test_gaps_are_distances(name, rng):
     x = rng.uniform(-0.5, 0.5, size=(400, 3)) * [1, 1, 0.3]
 
     def gap(x):
-        return collider.gap(0.0, ap.system._vector(x))
+        return collider.gap(0.0, vectors(x))
 
     distance, normal = gap(x)
     n = np.stack(np.broadcast_arrays(*normal, distance), axis=1)[:, :3]
@@ -117,7 +118,7 @@ def test_a_heap_stays_outside(name, rng):
     for _ in range(200):
         system.step(5e-3)
         for collider in system.colliders:
-            assert np.min(collider.gap(0.0, ap.system._vector(system.x))[0]) > -1e-9
+            assert np.min(collider.gap(0.0, vectors(system.x))[0]) > -1e-9
     assert np.isfinite(system.state).all()
 
 

@@ -12,13 +12,13 @@ k, m     particles of an element, number of elements
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Self
 
 import numpy as np
 
 from articulated.particles.dual import changes
-from articulated.particles.points import Point
+from articulated.particles.points import Point, vectors
 from articulated.scalar import Scalar, absolute, maximum
 from articulated.spatial import Mat3, Vec3
 
@@ -84,6 +84,10 @@ class Law(Force):
     def conservative(self) -> bool:
         return type(self).potential is not Law.potential
 
+    def constants_of(self, given: Iterator[Scalar]) -> list[Scalar]:
+        """Its constants for one element: those that are the same for all, and the next of those that elements are given."""
+        return [next(given) if c.ndim else float(c) for c in self.constants]
+
     @abstractmethod
     def pull(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Sequence[Vec3]:
         """The force on each particle of an element, over scalars [N]."""
@@ -134,7 +138,7 @@ class Law(Force):
         self, t: float, x: np.ndarray, v: np.ndarray, mass: np.ndarray, p: np.ndarray, h: float, convex: bool = False
     ) -> np.ndarray:
         change = self.convex_resistance if convex else self.resistance
-        moves = [_vector(p[some]) for some in self._numbers(len(x)).T]
+        moves = [vectors(p[some]) for some in self._numbers(len(x)).T]
         return self._summed(change(t, self._points(x, v, mass), moves, h, *self.constants), len(x))
 
     def diagonal(self, t: float, x: np.ndarray, v: np.ndarray, mass: np.ndarray, h: float, convex: bool = False) -> np.ndarray:
@@ -158,7 +162,7 @@ class Law(Force):
         return np.arange(n)[:, None] if self.particles is None else self.particles
 
     def _points(self, x: np.ndarray, v: np.ndarray, mass: np.ndarray) -> list[Point]:
-        return [Point(_vector(x[some]), _vector(v[some]), mass[some]) for some in self._numbers(len(x)).T]
+        return [Point(vectors(x[some]), vectors(v[some]), mass[some]) for some in self._numbers(len(x)).T]
 
     def _summed(self, forces: Sequence[Vec3], n: int) -> np.ndarray:
         """What elements do to particles, those of all elements of one kind after the other."""
@@ -172,7 +176,3 @@ class Law(Force):
 def _units(count: int) -> list[list[Vec3]]:
     """Of so many particles, each moved along each axis."""
     return [[axis if k == n else Vec3.zero() for k in range(count)] for n in range(count) for axis in Mat3.identity().rows]
-
-
-def _vector(rows: np.ndarray) -> Vec3:
-    return Vec3(rows[:, 0], rows[:, 1], rows[:, 2])
