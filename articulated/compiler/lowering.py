@@ -57,12 +57,8 @@ class Lowering:
         declared = [f"declare void @chunk{k}(ptr)" for k in range(len(chunks))]
         size = f"@size = internal constant i64 {self.scratch}"
         main = [size, *kernel.masks, *kernel.lists.values(), *kernel.transfers.texts(), _turn(f), text, *light, *declared]
-        common = [
-            *(f"declare {text_of} @llvm.{name}" for text_of, name in intrinsics(f)),
-            f"attributes #0 = {{ {ATTRIBUTES} }}\n",
-        ]
         rest = [chunks[k : k + _MODULE] for k in range(0, len(chunks), _MODULE)]
-        self.modules = ["\n".join([*module, *common]) for module in (main, *rest)]
+        self.modules = [module_of(functions, f) for functions in (main, *rest)]
 
 
 def _turn(f: Format) -> str:
@@ -72,11 +68,14 @@ def _turn(f: Format) -> str:
     return text.function("void", "turn", "ptr noalias %scratch, i64 %k, i64 %at")
 
 
-def intrinsics(f: Format) -> list[tuple[str, str]]:
-    """Functions of LLVM that code needs, each with what it returns."""
+def module_of(functions: Sequence[str], f: Format) -> str:
+    """A module of functions, with the declarations that they need."""
     V = f.vector(f.number)
-    vectors = [(V, f"{name}.{f.suffix}({', '.join([V] * n)})") for name, n in (("fma", 3), ("sqrt", 1), ("fabs", 1))]
-    return [*vectors, *(("i64", f"{name}.i64(i64, i64)") for name in ("smin", "smax"))]
+    declared = [
+        f"declare {V} @llvm.{name}.{f.suffix}({', '.join([V] * n)})" for name, n in (("fma", 3), ("sqrt", 1), ("fabs", 1))
+    ]
+    declared += [f"declare i64 @llvm.{name}.i64(i64, i64)" for name in ("smin", "smax")]
+    return "\n".join([*functions, *declared, f"attributes #0 = {{ {ATTRIBUTES} }}\n"])
 
 
 class _Kernel:

@@ -10,19 +10,18 @@ begin their sums; through all elements of each law; and through all nodes again.
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from itertools import count
 from typing import Any
 
 import numpy as np
 
-from articulated.compiler.graph import Graph, Traced, operands
-from articulated.compiler.ir import ATTRIBUTES, Format, Text
+from articulated.compiler.graph import operands
+from articulated.compiler.ir import Format, Text
 from articulated.compiler.kernels import Kernel, kept
-from articulated.compiler.lowering import intrinsics
-from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
-from articulated.compiler.streams import InRegisters
+from articulated.compiler.lowering import module_of
+from articulated.compiler.straight import Straight
 from articulated.compiler.transfers import transposed
 from articulated.scalar import Scalar
 
@@ -70,15 +69,6 @@ class Mesh:
     go_on: Callable[[Scalars], Scalars]
 
 
-@dataclass(frozen=True, eq=False)
-class _Pass:
-    """Work without branches in its order: what goes in, and what comes out."""
-
-    plan: Schedule
-    inputs: list[int]
-    outputs: list[int]
-
-
 class MeshKernel:
     """A mesh as machine code.
 
@@ -92,10 +82,9 @@ class MeshKernel:
         on = machine()
         self.lanes = min(_LANES, on.register // (4 if single else 8))
         f = Format(self.lanes, single)
-        passes = _passes(mesh, f)
-        content = repr([(one.plan.nodes, one.plan.guards, one.inputs, one.outputs) for one in passes]).encode()
-        content += repr((mesh.constants, mesh.numbers, [(law.nodes, law.constants) for law in mesh.elements])).encode()
-        content = hashlib.sha256(content).digest()
+        passes = _passes(mesh, single)
+        counts = repr((mesh.constants, mesh.numbers, [(law.nodes, law.constants) for law in mesh.elements])).encode()
+        content = b"\0".join([counts, *(one.content for one in passes)])
 
         def build() -> tuple[dict[str, Any], bytes]:
             code = on.object_code(_Writer(mesh, passes, f).text())
@@ -130,7 +119,7 @@ class MeshKernel:
         self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, [steps, *counts])
 
 
-def _passes(mesh: Mesh, f: Format) -> list[_Pass]:
+def _passes(mesh: Mesh, single: bool) -> list[Straight]:
     """At the beginning, of each law, at the end, and of the numbers."""
     c, n = mesh.constants, mesh.numbers
 
@@ -140,7 +129,7 @@ def _passes(mesh: Mesh, f: Format) -> list[_Pass]:
     def end(x: Scalars) -> Scalars:
         return mesh.end(x[:ROW], x[ROW : ROW + 3], x[ROW + 3 : ROW + 3 + c], x[ROW + 3 + c :])
 
-    passes = [_traced(begin, ROW + c + n, f)]
+    passes = [Straight.of(begin, ROW + c + n, single)]
     for law in mesh.elements:
 
         def act(x: Scalars, law: Elements = law) -> Scalars:
@@ -148,31 +137,20 @@ def _passes(mesh: Mesh, f: Format) -> list[_Pass]:
             rest = x[law.nodes * ROW :]
             return [c for done in law.act(rows, rest[: law.constants], rest[law.constants :]) for c in done]
 
-        passes.append(_traced(act, law.nodes * ROW + law.constants + n, f))
-    return [*passes, _traced(end, ROW + 3 + c + n, f), _traced(mesh.go_on, n, f)]
+        passes.append(Straight.of(act, law.nodes * ROW + law.constants + n, single))
+    return [*passes, Straight.of(end, ROW + 3 + c + n, single), Straight.of(mesh.go_on, n, single)]
 
 
-def _traced(work: Callable[[Scalars], Scalars], count: int, f: Format) -> _Pass:
-    graph = Graph(f.single)
-    inputs = [graph.node("input", 0, k) for k in range(count)]
-    made = work([Traced(graph, i) for i in inputs])
-    outputs = [x.index if isinstance(x, Traced) else graph.constant(x) for x in made]
-    assert not graph.loops, "a mesh has loops"
-    plan = schedule(graph, [outputs], None, 1, chunk=len(graph.nodes) + 1)
-    return _Pass(replace(plan, instead={}, slots={}), inputs, outputs)
-
-
-def _differences(one: _Pass) -> dict[int, int] | None:
+def _differences(one: Straight) -> dict[int, int] | None:
     """Of a law for two nodes that looks at differences of their rows only: the nodes of these, by their place in the row.
 
     They are taken before rows are transposed, which is half the work. None: it looks at other things.
     """
-    nodes, found = one.plan.nodes, {}
+    nodes, found = one.nodes, {}
     first, second = one.inputs[:ROW], one.inputs[ROW : 2 * ROW]
     pairs = {("sub", a, b): k for k, (a, b) in enumerate(zip(first, second, strict=True))}
     rows = {*first, *second}
-    computed = [i for item in flattened(one.plan.items) if isinstance(item, Chunk) for i in item.nodes]
-    for i in computed:
+    for i in one.order():
         if nodes[i] in pairs:
             found[pairs[nodes[i]]] = i
         elif not rows.isdisjoint(operands(nodes[i])):
@@ -180,23 +158,23 @@ def _differences(one: _Pass) -> dict[int, int] | None:
     return found if rows.isdisjoint(one.outputs) else None
 
 
-def _opposite(one: _Pass, k: int) -> bool:
+def _opposite(one: Straight, k: int) -> bool:
     """Whether what is done to the k-th node is the opposite of what is done to the first."""
     first, other = one.outputs[:3], one.outputs[3 * k : 3 * k + 3]
-    return k > 0 and all(one.plan.nodes[b] == ("neg", a) for a, b in zip(first, other, strict=True))
+    return k > 0 and all(one.nodes[b] == ("neg", a) for a, b in zip(first, other, strict=True))
 
 
 class _Writer:
     """The kernel of a mesh being written."""
 
-    def __init__(self, mesh: Mesh, passes: Sequence[_Pass], f: Format):
+    def __init__(self, mesh: Mesh, passes: Sequence[Straight], f: Format):
         self.mesh, self.passes, self.f, self.t = mesh, passes, f, Text(f)
         self.part = min(SUM, f.lanes)
 
     def text(self) -> str:
         t, mesh = self.t, self.mesh
         begin, *laws, end, go_on = self.passes
-        at = iter(range(3 + mesh.constants + sum(1 + law.constants for law in mesh.elements)))
+        at = count()
 
         def pointer() -> str:
             return t.word("%table", 4 * next(at), "ptr")
@@ -205,7 +183,7 @@ class _Writer:
         constants = [pointer() for _ in range(mesh.constants)]
         numbers = pointer()
         elements = [(pointer(), [pointer() for _ in range(law.constants)]) for law in mesh.elements]
-        first = 4 * (3 + mesh.constants + sum(1 + law.constants for law in mesh.elements))
+        first = 4 * next(at)
         steps, blocks, *counts = (t.word("%table", first + k) for k in range(2 + len(mesh.elements)))
         f = self.f
         start = [t.spread(t.load(t.at(numbers, k * f.bytes), f.number, f.bytes)) for k in range(mesh.numbers)]
@@ -216,8 +194,8 @@ class _Writer:
                 places = self._nodes(sums, block.k, SUM)
                 for place, parts in zip(places, self._as_rows(done), strict=True):
                     self._put(place, parts)
-            for (nodes, given), law, one, count in zip(elements, mesh.elements, laws, counts, strict=True):
-                with t.loop(count) as block:
+            for (nodes, given), law, one, some in zip(elements, mesh.elements, laws, counts, strict=True):
+                with t.loop(some) as block:
                     self._act(law, one, rows, sums, nodes, self._constants(given, block.k), block.k, step.values)
             with t.loop(blocks) as block:
                 here = self._nodes(rows, block.k)
@@ -228,13 +206,12 @@ class _Writer:
                         t.do(f"store {t.V} {x}, ptr {t.at(place, k * f.bytes)}, align {f.vector_bytes}")
             step.following = self._work(go_on, step.values)
         kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", "0", linkage="")
-        declared = [f"declare {kind} @llvm.{name}" for kind, name in intrinsics(f)]
-        return "\n".join([kernel, *declared, f"attributes #0 = {{ {ATTRIBUTES} }}\n"])
+        return module_of([kernel], f)
 
     def _act(
         self,
         law: Elements,
-        one: _Pass,
+        one: Straight,
         rows: str,
         sums: str,
         nodes: str,
@@ -256,7 +233,7 @@ class _Writer:
             gathered = {differences[k]: x for k, x in enumerate(apart) if k in differences}
         else:
             gathered = dict(zip(one.inputs, [x for some in places for x in self._row(some)], strict=False))
-        done = self._computed(one, gathered | rest)
+        done = one.written(t, gathered | rest)
         first = self._as_rows(done[:3])
         scattered = [
             (first, "fsub") if _opposite(one, k) else (self._as_rows(done[3 * k : 3 * k + 3]), "fadd") for k in range(law.nodes)
@@ -267,14 +244,8 @@ class _Writer:
                 before, kind = self._take(place), f"<{self.part} x {f.number}>"
                 self._put(place, [t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, parts[lane], strict=True)])
 
-    def _work(self, one: _Pass, inputs: Sequence[str]) -> list[str]:
-        return self._computed(one, dict(zip(one.inputs, inputs, strict=True)))
-
-    def _computed(self, one: _Pass, known: dict[int, str]) -> list[str]:
-        operations = InRegisters(one.plan, self.f, self.mesh.name)
-        operations.text, operations.values = self.t, known
-        operations.compute()
-        return [operations.value(i) for i in one.outputs]
+    def _work(self, one: Straight, inputs: Sequence[str]) -> list[str]:
+        return one.written(self.t, dict(zip(one.inputs, inputs, strict=True)))
 
     def _nodes(self, base: str, block: str, width: int = ROW) -> list[str]:
         """Where the rows of a block of nodes are."""

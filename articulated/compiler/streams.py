@@ -10,21 +10,17 @@ registers.
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from articulated.compiler.branches import branched
-from articulated.compiler.graph import Graph, Traced
-from articulated.compiler.ir import ATTRIBUTES, Format
+from articulated.compiler.ir import Format, Text
 from articulated.compiler.kernels import Kernel, kept
-from articulated.compiler.lowering import intrinsics
-from articulated.compiler.operations import Operations
-from articulated.compiler.schedule import Chunk, Schedule, flattened, schedule
+from articulated.compiler.lowering import module_of
+from articulated.compiler.straight import Straight
 from articulated.scalar import Scalar
 
 _SIDE_BY_SIDE = 2
@@ -63,35 +59,24 @@ def stream_kernel(stream: Stream, single: bool, lanes: int | None = None) -> Ker
 
     on = machine()
     f = Format(_SIDE_BY_SIDE * on.register // (4 if single else 8) if lanes is None else lanes, single)
-    plan, inputs, outputs = _traced(stream, f)
-    content = hashlib.sha256(repr((plan.nodes, plan.guards, inputs, outputs)).encode()).digest()
+    fixed = stream.carried + stream.fixed
+
+    def turn(x: Sequence[Scalar]) -> Sequence[Scalar]:
+        return stream.turn(x[: stream.carried], x[stream.carried : fixed], x[fixed:])
+
+    work = Straight.of(turn, fixed + stream.numbers, single)
+    assert len(work.outputs) == stream.carried + stream.numbers, f"{stream.name}: {len(work.outputs)} numbers are carried on"
+    counts = repr((stream.carried, stream.fixed, stream.numbers)).encode()
 
     def build() -> tuple[dict[str, Any], bytes]:
-        text = _function(stream, plan, inputs, outputs, f)
-        code = on.object_code(text)
-        operations = sum(1 for _ in plan.operations())
-        return {"operations": operations, "scratch": 1, "tile": 1, "objects": [len(code)]}, code
+        code = on.object_code(_module(stream, work, f))
+        return {"operations": len(work.order()), "scratch": 1, "tile": 1, "objects": [len(code)]}, code
 
-    return Kernel(stream.name, f, on, *kept(stream.name, f, on, content, build))
+    return Kernel(stream.name, f, on, *kept(stream.name, f, on, counts + work.content, build))
 
 
-def _traced(stream: Stream, f: Format) -> tuple[Schedule, list[int], list[int]]:
-    """What it does, as nodes in order; those that go in and out."""
-    graph = Graph(f.single)
-    inputs = [graph.node("input", 0, k) for k in range(stream.carried + stream.fixed + stream.numbers)]
-    scalars = [Traced(graph, i) for i in inputs]
-    fixed = stream.carried + stream.fixed
-    made = stream.turn(scalars[: stream.carried], scalars[stream.carried : fixed], scalars[fixed:])
-    outputs = [x.index if isinstance(x, Traced) else graph.constant(x) for x in made]
-    assert len(outputs) == stream.carried + stream.numbers, f"{stream.name}: {len(outputs)} numbers are carried on"
-    assert not graph.loops, f"{stream.name} has loops"
-    plan = schedule(graph, [outputs], None, 1, chunk=len(graph.nodes) + 1)
-    return replace(plan, instead={}, slots={}), inputs, outputs
-
-
-def _function(stream: Stream, plan: Schedule, inputs: Sequence[int], outputs: Sequence[int], f: Format) -> str:
-    operations = InRegisters(plan, f, stream.name)
-    text, planes = operations.text, stream.carried + stream.fixed
+def _module(stream: Stream, work: Straight, f: Format) -> str:
+    text, planes = Text(f), stream.carried + stream.fixed
     where = [text.word("%table", 4 * k, "ptr") for k in range(planes + 1)]
     numbers = [text.spread(text.load(text.at(where[planes], k * f.bytes), f.number, f.bytes)) for k in range(stream.numbers)]
     turns = text.word("%table", 4 * (planes + 1))
@@ -103,15 +88,11 @@ def _function(stream: Stream, plan: Schedule, inputs: Sequence[int], outputs: Se
         loaded = [text.load(place, text.V, f.vector_bytes) for place in at]
         with text.loop(turns, text.V, [*loaded[: stream.carried], *numbers]) as turn:
             begun = [*turn.values[: stream.carried], *loaded[stream.carried :], *turn.values[stream.carried :]]
-            operations.values = dict(zip(inputs, begun, strict=True))
-            operations.compute()
-            turn.following = [operations.value(i) for i in outputs]
+            turn.following = work.written(text, dict(zip(work.inputs, begun, strict=True)))
         for place, x in zip(at, turn.values, strict=False):
             text.do(f"store {text.V} {x}, ptr {place}, align {f.vector_bytes}")
     arguments = "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile"
-    kernel = text.function("i64", "kernel", arguments, "0", linkage="")
-    declared = [f"declare {kind} @llvm.{name}" for kind, name in intrinsics(f)]
-    return "\n".join([kernel, *declared, f"attributes #0 = {{ {ATTRIBUTES} }}\n"])
+    return module_of([text.function("i64", "kernel", arguments, "0", linkage="")], f)
 
 
 def planes(rows: Sequence[np.ndarray]) -> np.ndarray:
@@ -129,18 +110,3 @@ def on_a_line(shape: tuple[int, ...]) -> np.ndarray:
     room = np.empty(size + _LINE, np.uint8)
     start = -room.ctypes.data % _LINE
     return room[start : start + size].view(float).reshape(shape)
-
-
-class InRegisters(Operations):
-    """Nodes that never leave registers."""
-
-    def compute(self) -> None:
-        """All of them, one after the other."""
-        for item in flattened(self.schedule.items):
-            if isinstance(item, Chunk):
-                for part in branched(self.schedule.nodes, self.schedule.guards, item.nodes):
-                    if part not in self.values:
-                        self.computed(part)
-
-    def keep(self, i: int) -> None:
-        pass

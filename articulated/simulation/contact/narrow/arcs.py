@@ -61,7 +61,11 @@ class Side:
 
 def best_face(solid: Solid, points: Sequence[Vec3]) -> Axis:
     """The face of a polyhedron from which points are farthest; they are given in its own axes."""
-    axes = [Axis(least([face.n.dot(x) for x in points]) - face.d, face.n) for face in solid.faces]
+    return best_of([Axis(least([face.n.dot(x) for x in points]) - face.d, face.n) for face in solid.faces])
+
+
+def best_of(axes: Sequence[Axis]) -> Axis:
+    """That along which bodies are farthest apart, the first of equals."""
     best = axes[0]
     for axis in axes[1:]:
         best = either(axis.size > best.size, axis, best)

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from articulated.scalar import Scalar, either, given, least, maximum, minimum, sqrt, where
-from articulated.simulation.contact.narrow.arcs import Axis, Side, farthest, sides
+from articulated.simulation.contact.narrow.arcs import Axis, Side, best_of, farthest, sides
 from articulated.simulation.contact.narrow.cylinders import Course, distance, reach
 from articulated.simulation.contact.narrow.facets import TOLERANCE, clipped
 from articulated.simulation.contact.narrow.placed import FAR, Roller
@@ -54,10 +54,7 @@ class Meeting:
 
 def meeting_of(roller: Roller, solid: Solid) -> Meeting:
     """The normal, of a cylinder given in the polyhedron's axes."""
-    axes = [Axis(face.n.dot(roller.center) - face.d - reach(roller, face.n), face.n) for face in solid.faces]
-    face = axes[0]
-    for axis in axes[1:]:
-        face = either(axis.size > face.size, axis, face)
+    face = best_of([Axis(face.n.dot(roller.center) - face.d - reach(roller, face.n), face.n) for face in solid.faces])
     best = face
     for axis in (_of_end(roller, solid.vertices), _of_side(roller, solid.vertices)):
         best = either(axis.size > best.size + _PREFERENCE, axis, best)
