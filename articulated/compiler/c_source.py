@@ -18,7 +18,14 @@ from articulated.compiler.program import Program, Tape
 from articulated.compiler.schedule import Chunk, Exit, Item, Read, Repeat, Schedule, Write, schedule
 
 _INFIX = {"add": "+", "sub": "-", "mul": "*", "div": "/", "lt": "<", "le": "<=", "eq": "==", "and": "&"}
-_CALLS = {"sqrt": "art_sqrt", "abs": "art_abs", "power2": "art_power2", "exponent": "art_exponent", "fraction": "art_fraction"}
+_CALLS = {
+    "sqrt": "art_sqrt",
+    "abs": "art_abs",
+    "power2": "art_power2",
+    "exponent": "art_exponent",
+    "fraction": "art_fraction",
+    "root_guess": "art_root_guess",
+}
 
 
 def identifier(name: str) -> str:
@@ -29,11 +36,13 @@ def identifier(name: str) -> str:
 
 def prelude(single: bool) -> str:
     """The arithmetic that every function uses."""
-    shift, one, root = Format(1, single).pattern
+    pattern = Format(1, single).pattern
     real, bits = ("float", "uint32_t") if single else ("double", "uint64_t")
     text = _PRELUDE + (_SINGLE if single else _DOUBLE) + _PATTERNS
-    for name, value in (("REAL", real), ("BITS", bits), ("SHIFT", shift), ("ONE", hex(one)), ("ROOT", hex(root))):
-        text = text.replace(f"@{name}@", str(value))
+    shown = {"REAL": real, "BITS": bits, "SHIFT": str(pattern.shift)}
+    shown |= {"ONE": hex(pattern.one), "ROOT": hex(pattern.root), "GUESS": hex(pattern.guess)}
+    for name, value in shown.items():
+        text = text.replace(f"@{name}@", value)
     return text
 
 
@@ -316,6 +325,7 @@ static inline float art_sqrt(float x)
 _PATTERNS = """
 static inline @REAL@ art_abs(@REAL@ x) { return art_from_bits(art_bits(x) << 1 >> 1); }
 static inline @REAL@ art_power2(@REAL@ x) { return art_from_bits((art_bits(x) << @SHIFT@) + @ONE@u); }
+static inline @REAL@ art_root_guess(@REAL@ x) { return art_from_bits(@GUESS@u - (art_bits(x) >> 1)); }
 /* x = fraction 2^exponent, the fraction from half the root of 2 to that root */
 static inline int art_whole(@REAL@ x)
 {

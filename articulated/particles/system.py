@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from articulated.particles import alone, together
+from articulated.particles import alone, strands, together
 from articulated.particles.alone import are_alone
 from articulated.particles.chains import REACH, Chains
 from articulated.particles.check import elements, in_range, numbers, positive
@@ -202,7 +202,8 @@ class System:
             threads: how many may share the work; None is as many as are useful.
 
         Returns:
-            By how much the last turn of an implicit solver changed velocities, at most [m/s]; zero of others.
+            By how much the last turn of an implicit solver changed velocities, or, if it takes one turn only, what this left
+            of its equation: at most of all steps [m/s]; zero of others.
 
         Raises:
             ValueError: the step has no length, there is no such solver, or the number of steps is none.
@@ -211,6 +212,9 @@ class System:
         if not isinstance(steps, int) or steps < 0:
             raise ValueError(f"steps is {steps!r}; expected a whole number")
         if isinstance(method, ImplicitEuler):
+            if method.turns == 1 and strands.are_strands(self):
+                strands.advance(self, h, steps, threads)
+                return 0.0
             return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
         if method not in EXPLICIT:
             raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")

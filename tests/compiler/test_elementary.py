@@ -1,4 +1,4 @@
-"""The compiler's own sin, cos, sqrt, exp, log and atan2 against mpmath, and what they do with numbers that are none."""
+"""The compiler's own sin, cos, roots, exp, log and atan2 against mpmath, and what they do with numbers that are none."""
 
 from __future__ import annotations
 
@@ -98,6 +98,15 @@ def test_single_precision_atan2(rng):
     y, x = rng.normal(size=(2, 20_000)).astype(np.float32)
     exact = np.arctan2(y.astype(float), x.astype(float))
     assert (np.abs(run("atan2", y, x) - exact) / np.spacing(np.abs(exact).astype(np.float32))).max() <= 3.0
+
+
+def test_inverse_root(rng):
+    x = np.concatenate([2.0 ** rng.uniform(-1020, 1020, 20_000), 1.0 + np.arange(64) * 2.0**-52, [1.0, 4.0, 0.25]])
+    error = ulps(run("inverse_sqrt", x), [1 / mp.sqrt(mp.mpf(v)) for v in x])
+    assert error.max() <= 1.5
+    x = (2.0 ** rng.uniform(-120, 120, 20_000)).astype(np.float32)
+    exact = 1.0 / np.sqrt(x.astype(float))
+    assert (np.abs(run("inverse_sqrt", x) - exact) / np.spacing(exact.astype(np.float32))).max() <= 1.5
 
 
 def test_outside_the_domain():

@@ -97,7 +97,7 @@ def test_vertices_without_triangles_are_left_out():
     cloth = ap.mesh_cloth(mesh, 1.0, 1.0)
     assert len(cloth.x) == 3
     np.testing.assert_array_equal(cloth.triangles, [(0, 1, 2)])
-    assert ap.System(cloth.x, None, cloth.mass, cloth.forces).energy() == 0.0
+    assert ap.System(cloth.x, None, cloth.mass, cloth.forces).energy() < 1e-30
 
 
 def test_a_rope_is_a_chain():

@@ -28,8 +28,10 @@ def test_conjugate_gradients(iterations, rng):
     A = A @ A.T + 3 * np.eye(3 * n)
     b = rng.normal(size=(n, 3))
     blocks = np.array([np.linalg.inv(A[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]) for k in range(n)])
-    x = conjugate_gradients(lambda p: (A @ p.ravel()).reshape(n, 3), b, blocks, iterations)
+    x, left = conjugate_gradients(lambda p: (A @ p.ravel()).reshape(n, 3), b, blocks, iterations)
     exact = np.linalg.solve(A, b.ravel()).reshape(n, 3)
+    r = b - (A @ x.ravel()).reshape(n, 3)
+    assert left == pytest.approx(np.einsum("ni,nij,nj", r, blocks, r), rel=1e-6, abs=1e-20)
     if iterations > 3 * n:
         np.testing.assert_allclose(x, exact, atol=1e-10)
         return

@@ -11,8 +11,11 @@ import numpy as np
 from articulated.particles.check import elements, in_range, per_element, settle
 from articulated.particles.forces.force import Law
 from articulated.particles.points import Point
-from articulated.scalar import Scalar, maximum, sqrt, where
+from articulated.scalar import Scalar, inverse_sqrt, maximum, where
 from articulated.spatial import Vec3
+
+_LEAST = 1e-30
+"""Square of a length that is none [m²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +70,13 @@ class Springs(Law):
 
     def pull(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Sequence[Vec3]:
         (a, b), (stiffness, damping, rest) = points, constants
-        u, length = _direction(a.x - b.x)
+        u, length, _ = _direction(a.x - b.x)
         f = u * -(stiffness * (length - rest) + damping * (a.v - b.v).dot(u))
         return [f, -f]
 
     def potential(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Scalar:
         (a, b), (stiffness, _, rest) = points, constants
-        _, length = _direction(a.x - b.x)
+        _, length, _ = _direction(a.x - b.x)
         return 0.5 * stiffness * (length - rest) * (length - rest)
 
     def convex_resistance(
@@ -84,17 +87,17 @@ class Springs(Law):
         How the damping changes with the direction is left out.
         """
         (a, b), (stiffness, damping, rest), (p, q) = points, constants, moves
-        u, length = _direction(a.x - b.x)
+        u, _, inverse = _direction(a.x - b.x)
         along = h * h * stiffness
-        across = along * maximum(1.0 - rest / where(length > 0.0, length, 1.0), 0.0)
+        across = along * maximum(1.0 - rest * inverse, 0.0)
         relative = p - q
         f = relative * across + u * ((along - across + h * damping) * u.dot(relative))
         return [f, -f]
 
 
-def _direction(d: Vec3) -> tuple[Vec3, Scalar]:
-    """A vector's direction and length; the zero vector has none."""
+def _direction(d: Vec3) -> tuple[Vec3, Scalar, Scalar]:
+    """A vector's direction, its length, and the inverse of that; all zero if it is too short to have a direction."""
     square = d.dot(d)
-    is_long = square > 0.0
-    length = sqrt(where(is_long, square, 1.0))
-    return d * where(is_long, 1.0 / length, 0.0), where(is_long, length, 0.0)
+    is_long = square > _LEAST
+    inverse = where(is_long, inverse_sqrt(where(is_long, square, 1.0)), 0.0)
+    return d * inverse, square * inverse, inverse

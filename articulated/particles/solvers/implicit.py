@@ -32,7 +32,8 @@ class ImplicitEuler:
     """How implicit steps are solved.
 
     Attributes:
-        turns: of Newton's method, at most.
+        turns: of Newton's method, at most. One is the linear step of the paper, the fast one: nothing is searched, and energy
+            may rise where springs turn or are pressed.
         iterations: of conjugate gradients in each.
         tolerance: a step is solved once a turn changes velocities by less than this: √(−r · δ) over the total mass [m/s].
     """
@@ -58,13 +59,9 @@ class ImplicitEuler:
         v, size = v0.copy(), 0.0
         r = residual(v)
         for _ in range(self.turns):
-            x = x0 + h * v
-            if system.chains is not None:
-                band = system.band(t, x, v, h)
-                band[:, 0] += m[:, :, None] * np.eye(3)
-                change = system.chains.solve(band, -r, w[:, 0] == 0.0)
-            else:
-                change = self._iterated(system, t, h, x, v, r)
+            change, left = self._solved(system, t, h, x0 + h * v, v, r)
+            if self.turns == 1:
+                return x0 + h * (v + change), v + change, left
             size = float(np.sqrt(max(0.0, -float(np.vdot(r, change))) / max(system.mass.sum(), np.finfo(float).tiny)))
             v, r = _searched(residual, v, r, change)
             if size <= self.tolerance:
@@ -72,21 +69,26 @@ class ImplicitEuler:
         v = _without_gain(system, t, h, x0, v)
         return x0 + h * v, v, size
 
-    def _iterated(self, system: Any, t: float, h: float, x: np.ndarray, v: np.ndarray, r: np.ndarray) -> np.ndarray:
-        """The δ of a turn, as near as so many iterations come."""
+    def _solved(self, system: Any, t: float, h: float, x: np.ndarray, v: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, float]:
+        """The δ of a turn, and what is left of its equation [m/s]."""
         m, free = system.mass[:, None], system.inverse_mass[:, None] > 0.0
+        if system.chains is not None:
+            band = system.band(t, x, v, h)
+            band[:, 0] += m[:, :, None] * np.eye(3)
+            return system.chains.solve(band, -r, ~free[:, 0]), 0.0
 
         def product(p: np.ndarray) -> np.ndarray:
             return (m * p + system.product(t, x, v, p, h)) * free
 
         blocks = system.diagonal(t, x, v, h) + np.where(free, m, 1.0)[:, :, None] * np.eye(3)
-        return conjugate_gradients(product, -r, np.linalg.inv(blocks), self.iterations)
+        change, square = conjugate_gradients(product, -r, np.linalg.inv(blocks), self.iterations)
+        return change, float(np.sqrt(square / max(system.mass.sum(), np.finfo(float).tiny)))
 
 
 def conjugate_gradients(
     product: Callable[[np.ndarray], np.ndarray], b: np.ndarray, inverses: np.ndarray, iterations: int
-) -> np.ndarray:
-    """A solution of A x = b, as near as so many iterations come.
+) -> tuple[np.ndarray, float]:
+    """A solution of A x = b, as near as so many iterations come, and rᵀ z of what is left.
 
     Golub and Van Loan, Matrix Computations (2013), algorithm 11.5.1, preconditioned by 3x3 blocks.
 
@@ -109,7 +111,7 @@ def conjugate_gradients(
         z = np.einsum("nij,nj->ni", inverses, r)
         rz, before = float(np.vdot(r, z)), rz
         p = z + (rz / before) * p
-    return x
+    return x, rz
 
 
 def _searched(

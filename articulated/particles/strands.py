@@ -1,0 +1,290 @@
+"""Strands in machine code: the linear implicit step of many chains of particles, from tip to root and back, side by side.
+
+The step is the first turn of `solvers.implicit`, from the velocities that there are: A δ = b, with A = M + h D + h² K and
+b = h f, both where particles would go with these (Baraff and Witkin, Large Steps in Cloth Simulation, 1998, equation 16). It is
+solved as in `chains`, where the symbols are told, while it is gathered: nothing but D⁻¹ E, D⁻¹ F and D⁻¹ r of each particle is
+kept on the way in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from articulated.compiler import kernels_of
+from articulated.compiler.interpreter import interpreting
+from articulated.compiler.scans import Chained, Scan, ScanKernel
+from articulated.particles.chains import Chains, Factor
+from articulated.particles.collisions import collided
+from articulated.particles.forces.force import Force, Law
+from articulated.particles.points import Point
+from articulated.scalar import Scalar, either, where
+from articulated.spatial import Mat3, Sym3, Vec3
+
+Scalars = Sequence[Scalar]
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """A law's elements of one form, of which at most one ends at each particle of a chain.
+
+    Attributes:
+        law: which.
+        behind: how far behind the last of them each of its particles is, as the law orders them.
+        there: whether there is one, by chain and place, shape (count, length).
+        constants: of these elements, each of shape () or (count, length).
+    """
+
+    law: Law
+    behind: tuple[int, ...]
+    there: np.ndarray
+    constants: tuple[np.ndarray, ...]
+
+    @property
+    def reach(self) -> int:
+        """How far it reaches back."""
+        return max(self.behind)
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether there is one wherever it fits."""
+        return bool(self.there[:, self.reach :].all())
+
+    def fixed(self) -> list[np.ndarray]:
+        """What a particle has to know of it."""
+        given = [c for c in self.constants if c.ndim]
+        return given if self.everywhere else [self.there.astype(float), *given]
+
+
+def layers(chains: Chains, forces: Sequence[Force]) -> list[Layer]:
+    """All that acts between particles of chains."""
+    found = []
+    for law in forces:
+        if not isinstance(law, Law) or law.particles is None or not len(law.particles):
+            continue
+        last = law.particles.max(axis=1)
+        behind = last[:, None] - law.particles
+        for form in sorted({tuple(row) for row in behind.tolist()}):
+            some = np.flatnonzero((behind == form).all(axis=1))
+            while len(some):  # what ends at a particle more than once is in as many layers
+                _, first = np.unique(last[some], return_index=True)
+                found.append(_layer(chains, law, form, some[first], last[some[first]]))
+                some = np.delete(some, first)
+    return found
+
+
+def _layer(chains: Chains, law: Law, behind: tuple[int, ...], some: np.ndarray, last: np.ndarray) -> Layer:
+    shape = chains.count, chains.length
+    there = np.zeros(shape, dtype=bool)
+    there.flat[last] = True
+    constants = []
+    for c in law.constants:
+        if c.ndim:
+            values = np.full(shape, c[some[0]])
+            values.flat[last] = c[some]
+            c = values
+        constants.append(c)
+    return Layer(law, behind, there, tuple(constants))
+
+
+@dataclass(eq=False)
+class _Rows:
+    """The equations of a particle and of those before it, as far as they are known: D, E and F, and r.
+
+    Attributes:
+        D: of each with itself.
+        E: of one with another before it.
+        r: right sides.
+    """
+
+    D: list[Sym3]
+    E: dict[tuple[int, int], Mat3]
+    r: list[Vec3]
+
+    @staticmethod
+    def size(reach: int) -> int:
+        """Numbers that are handed on."""
+        return 9 if reach == 1 else 27
+
+    @staticmethod
+    def of(handed: Scalars, reach: int) -> _Rows:
+        """As the particle after it hands them on; nothing is known of the farthest yet."""
+        D = [Sym3(*handed[9 * k : 9 * k + 6]) for k in range(reach)]
+        r = [Vec3.of(handed[9 * k + 6 : 9 * k + 9]) for k in range(reach)]
+        E = {(a, b): Mat3.zero() for b in range(reach + 1) for a in range(b)}
+        if reach == 2:
+            E[0, 1] = Mat3.of([handed[k : k + 3] for k in (18, 21, 24)])
+        return _Rows([*D, Sym3.zero()], E, [*r, Vec3.zero()])
+
+    def handed(self) -> list[Scalar]:
+        """What goes to the particle before."""
+        some = [x for D, r in zip(self.D[1:], self.r[1:], strict=True) for x in (*D, *r)]
+        return [*some, *(x for row in self.E[1, 2].rows for x in row)] if (1, 2) in self.E else some
+
+
+class Strands:
+    """The strands of a system as a scan.
+
+    Attributes:
+        scan: the work.
+        fixed: what it knows of each particle, shape (count, length, fixed).
+    """
+
+    def __init__(self, system: Any, rooted: bool):
+        """Of a system with chains; `rooted` if each one's first particle is moved by others."""
+        chains: Chains = system.chains
+        self._count, self._length, self._forces = chains.count, chains.length, system.forces
+        self._colliders = () if rooted else system.colliders
+        self._layers = layers(chains, system.forces)
+        self._reach = max(layer.reach for layer in self._layers)
+        self._alone = [law for law in system.forces if isinstance(law, Law) and law.particles is None]
+        shape = chains.count, chains.length
+        planes = [system.mass.reshape(shape), system.inverse_mass.reshape(shape)]
+        planes += [c.reshape(shape) for law in self._alone for c in law.constants if c.ndim]
+        planes += [plane for layer in self._layers for plane in layer.fixed()]
+        self.fixed = np.stack(planes, axis=2)
+        self.scan = Scan(
+            name="strands",
+            length=chains.length,
+            reach=self._reach,
+            carried=6,
+            fixed=len(planes),
+            numbers=2,
+            handed=_Rows.size(self._reach),
+            kept=3 + 9 * self._reach,
+            passed=3 * self._reach,
+            inward=self._inward,
+            outward=self._outward,
+            go_on=lambda numbers: [numbers[0] + numbers[1], numbers[1]],
+            root=self._root if rooted else None,
+            results=9 if rooted else 0,
+        )
+
+    def _inward(self, rows: Sequence[Scalars], handed: Scalars, numbers: Scalars) -> tuple[Scalars, Scalars]:
+        """Gather all that ends at a particle, and give it up."""
+        here = self._gathered(rows, handed, numbers)
+        factor = Factor.of(here.D[0]).held_unless(where(rows[0][7] > 0.0, 1.0, 0.0))
+        y, parts = factor.solve(here.r[0]), {}
+        for k in range(1, len(rows)):
+            parts[k] = factor.solve_each(here.E[0, k])
+            here.r[k] = here.r[k] - here.E[0, k].transpose_times(y)
+            for n in range(1, k + 1):
+                if n == k:
+                    here.D[k] = here.D[k] - Sym3.upper_of_product(here.E[0, k].T, parts[k].T)
+                else:
+                    here.E[n, k] = here.E[n, k] - here.E[0, n].T @ parts[k]
+        kept = [*y]
+        for k in range(1, self._reach + 1):
+            kept += [x for row in parts.get(k, Mat3.zero()).rows for x in row]
+        return here.handed(), kept
+
+    def _gathered(self, rows: Sequence[Scalars], handed: Scalars, numbers: Scalars) -> _Rows:
+        """All that acts on a particle, of which those after it are given up; and of what ends at it on those before."""
+        t, h = numbers[0] + numbers[1], numbers[1]
+        here = _Rows.of(handed, self._reach)
+        points = [Point(Vec3.of(row[:3]) + Vec3.of(row[3:6]) * h, Vec3.of(row[3:6]), row[6]) for row in rows]
+        here.D[0] = here.D[0] + Sym3.scaled_identity(points[0].m)
+        given = iter(rows[0][8:])
+        for law in self._alone:
+            self._act(here, law, (0,), points, law.constants_of(given), None, t, h)
+        for layer in self._layers:
+            there = None if layer.everywhere else next(given)
+            constants = [next(given) if c.ndim else float(c) for c in layer.constants]
+            if layer.reach < len(rows):
+                self._act(here, layer.law, layer.behind, points, constants, there, t, h)
+        return here
+
+    def _act(
+        self,
+        here: _Rows,
+        law: Law,
+        behind: tuple[int, ...],
+        points: Sequence[Point],
+        constants: Scalars,
+        there: Scalar | None,
+        t: Scalar,
+        h: Scalar,
+    ) -> None:
+        """Add what an element does; `there` tells whether there is one, None that there always is."""
+        some, size = [points[k] for k in behind], len(behind)
+
+        def counted(f: Vec3) -> Vec3:
+            return f if there is None else either(there > 0.5, f, Vec3.zero())
+
+        for k, f in zip(behind, law.pull(t, some, *constants), strict=True):
+            here.r[k] = here.r[k] + counted(f * h)
+        for b, column in enumerate(behind):
+            columns = [[Vec3.zero()] * size for _ in range(3)]
+            for c, unit in enumerate((Vec3(1.0, 0.0, 0.0), Vec3(0.0, 1.0, 0.0), Vec3(0.0, 0.0, 1.0))):
+                moves = [unit if n == b else Vec3.zero() for n in range(size)]
+                columns[c] = [counted(f) for f in law.convex_resistance(t, some, moves, h, *constants)]
+            for a, row in enumerate(behind):
+                block = Mat3(*(columns[c][a] for c in range(3))).T
+                if row == column:
+                    here.D[row] = here.D[row] + Sym3.upper(block)
+                elif row < column:
+                    here.E[row, column] = here.E[row, column] + block
+
+    def _outward(self, row: Scalars, kept: Scalars, passed: Scalars, numbers: Scalars) -> tuple[Scalars, Scalars]:
+        """The new velocity and place of a particle, once those of the ones before it are known."""
+        (t, h), x, v = numbers, Vec3.of(row[:3]), Vec3.of(row[3:6])
+        change = Vec3.of(kept[:3])
+        for k in range(self._reach):
+            part = Mat3.of([kept[n : n + 3] for n in range(3 + 9 * k, 12 + 9 * k, 3)])
+            change = change - part @ Vec3.of(passed[3 * k : 3 * k + 3])
+        new_v = v + change
+        new = x + new_v * h, new_v
+        if self._colliders:
+            found = collided(self._colliders, t, h, x, v, *new)
+            new = either(row[7] > 0.0, found, new)
+        return [*new[0], *new[1]], [*change, *passed[: 3 * (self._reach - 1)]]
+
+    def _root(self, row: Scalars, handed: Scalars, numbers: Scalars) -> Scalars:
+        """D and r of a root: what it takes to move it, and what pulls at it."""
+        here = self._gathered([row], handed, numbers)
+        return [*here.D[0], *here.r[0]]
+
+
+def are_strands(system: Any) -> bool:
+    """Whether machine code can take a system's linear implicit steps."""
+    return not interpreting() and system.chains is not None and all(isinstance(force, Law) for force in system.forces)
+
+
+def advance(system: Any, h: float, steps: int, threads: int | None) -> None:
+    """Take a system of chains so many linear implicit steps on."""
+    bound = bound_to(system, rooted=False)
+    chained = bound.chained(system)
+    bound.kernel.turns(chained, np.array([system.time, h]), steps, threads)
+    bound.taken(system, chained)
+    system.time = float(system.time + steps * h)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """Strands of a system in machine code, and arrays in which they are moved, to be used again."""
+
+    strands: Strands
+    kernel: ScanKernel
+    fixed: np.ndarray = field(repr=False)
+
+    def chained(self, system: Any) -> Chained:
+        """The state of a system, laid out."""
+        nodes = np.concatenate([system.x, system.v], axis=1).reshape(*self.fixed.shape[:2], 6)
+        return Chained.of(self.strands.scan, nodes, self.fixed, self.kernel.lanes)
+
+    def taken(self, system: Any, chained: Chained) -> None:
+        """Give a system the state back."""
+        rows = chained.nodes(len(self.fixed)).reshape(-1, 6)
+        system.x, system.v = rows[:, :3].copy(), rows[:, 3:].copy()
+
+
+def bound_to(system: Any, rooted: bool) -> Bound:
+    """Made once for what a system's lists are."""
+    known, key = kernels_of(system), ("strands", rooted, system.forces, system.colliders)
+    if key not in known:
+        strands = Strands(system, rooted)
+        known[key] = Bound(strands, ScanKernel(strands.scan), strands.fixed)
+    return known[key]
