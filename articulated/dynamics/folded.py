@@ -11,7 +11,7 @@ from articulated.dynamics.loops.factor import Factor
 from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.tree import Tree
 from articulated.scalar import UNDEFINED, Scalar, either, given, unfolded, where
-from articulated.spatial import ArticulatedInertia, Force, Mat3, Sym3, Vec3
+from articulated.spatial import ArticulatedInertia, Force, Mat3, Motion, Sym3, Vec3
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +21,38 @@ class Pull:
     acts: Scalar
     IA: ArticulatedInertia
     pA: Force
+
+
+@dataclass(frozen=True, eq=False)
+class Cross:
+    """[[J, H], [L, M]]: the momentum that body i shows for velocities of body j, about O."""
+
+    J: Mat3
+    H: Mat3
+    L: Mat3
+    M: Mat3
+
+    @staticmethod
+    def of(rows: Sequence[Sequence[Scalar]]) -> Cross:
+        """From six rows of six."""
+        parts = (Mat3.of([row[k : k + 3] for row in some]) for some in (rows[:3], rows[3:]) for k in (0, 3))
+        return Cross(*parts)
+
+    def about(self, point: Vec3) -> Cross:
+        """The same about O of one that is about a point: Xᵀ S X, with X = [[1, 0], [−p×, 1]]."""
+        K = Mat3.skew(point)
+        J, L = self.J - self.H @ K, self.L - self.M @ K
+        return Cross(J + K @ L, self.H + K @ self.M, L, self.M)
+
+    def __matmul__(self, v: Motion) -> Force:
+        return Force(self.J @ v.angular + self.H @ v.linear, self.L @ v.angular + self.M @ v.linear)
+
+    def transpose_times(self, v: Motion) -> Force:
+        """Of body j for velocities of body i."""
+        return Force(
+            self.J.transpose_times(v.angular) + self.L.transpose_times(v.linear),
+            self.H.transpose_times(v.angular) + self.M.transpose_times(v.linear),
+        )
 
 
 @dataclass(eq=False)

@@ -16,11 +16,12 @@ What acts by a law between two bodies, such as a contact, leaves the tree: see `
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from articulated.dynamics.elimination import Closed, Elimination, merged
-from articulated.dynamics.folded import Folded, Load
+from articulated.dynamics.folded import Cross, Folded, Load
 from articulated.dynamics.kinematics import combination
 from articulated.dynamics.loops.closure import Line
 from articulated.dynamics.loops.factor import CORRECTIONS, Factor, Redundancy
@@ -28,7 +29,7 @@ from articulated.dynamics.mechanism import WORLD
 from articulated.dynamics.together import Together
 from articulated.dynamics.tree import Tree
 from articulated.scalar import Scalar, maximum
-from articulated.spatial import Force, Motion
+from articulated.spatial import ArticulatedInertia, Force, Motion
 
 _SOFT = 1e-15
 """A row that gives way acts as if it had this mass at least [kg]: what does not act at all cannot be told from it."""
@@ -53,6 +54,7 @@ class Ties:
 
 
 _UNTIED = Ties()
+_NONE: Mapping[Any, Any] = {}
 
 
 class Sweep:
@@ -72,19 +74,24 @@ class Sweep:
         coordinates: Iterable[int] = (),
         ties: Ties = _UNTIED,
         pairs: Iterable[tuple[int, int]] = (),
+        inertia: Mapping[int, ArticulatedInertia] = _NONE,
+        cross: Mapping[tuple[int, int], Sequence[Cross]] = _NONE,
     ):
         """Take the tree, the right side, what is added to D, and where terms act.
 
-        That is: on which bodies and coordinates, on rows of which loops, and between which bodies.
+        That is: on which bodies and coordinates, on rows of which loops, and between which bodies. `inertia` and `cross` are
+        what bodies have besides their own, whatever the load.
         """
         m = self.mechanism = tree.mechanism
         self.tree, self.p, self.mass, self.lines, self._ties = tree, p, mass, ties.lines, ties
-        self._together = Together(tree, pairs)
+        self._together = Together(tree, pairs, cross)
         acted, coordinates = {*bodies, *self._together.bodies}, set(coordinates)
         acted |= {i for i, joint in enumerate(m.joints) if coordinates & set(joint.v)}
         self.active = {k for i in acted for k in (WORLD, *m.support(i))}
         self.moving = sorted(s for i in self.active for s in m.closes[i])
         self._quiet = Folded.begin(tree, p, ties.lines)
+        for i, more in inertia.items():
+            self._quiet.IA[i] = self._quiet.IA[i] + more
         still = [i for i in reversed(range(m.nbodies)) if i not in self.active]
         self._fold(self._quiet, still, self.unloaded())
         if not self.active:

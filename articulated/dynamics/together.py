@@ -19,7 +19,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, combinations_with_replacement
 
 from articulated.dynamics.elimination import Closed, Elimination, Row, couple, merged
-from articulated.dynamics.folded import Folded, Load, Pull
+from articulated.dynamics.folded import Cross, Folded, Load, Pull
 from articulated.dynamics.loops.factor import elimination_order
 from articulated.dynamics.mechanism import WORLD, Mechanism
 from articulated.dynamics.tree import Tree
@@ -31,6 +31,7 @@ Couple = tuple[int, int]
 """Two groups of coordinates, by number, the first given up before the second."""
 Entries = dict[tuple[int, int], Scalar]
 
+_NONE: Mapping[Pair, Sequence[Cross]] = {}
 _SQUARE = 4
 """Side of the squares of entries that are factored at once."""
 
@@ -43,10 +44,10 @@ class Together:
         bodies: all of these.
     """
 
-    def __init__(self, tree: Tree, pairs: Iterable[Pair]):
+    def __init__(self, tree: Tree, pairs: Iterable[Pair], cross: Mapping[Pair, Sequence[Cross]] = _NONE):
         m = self._mechanism = tree.mechanism
-        self._tree, self.pairs = tree, list(dict.fromkeys(pairs))
-        self.bodies = {k for pair in self.pairs for i in pair for k in m.support(i)}
+        self._tree, self.pairs, self._cross = tree, list(dict.fromkeys(pairs)), cross
+        self.bodies = {k for pair in (*self.pairs, *cross) for i in pair for k in m.support(i)}
         self._between = {pair: _between(tree, *pair) for pair in self.pairs}
 
     def elimination(self, folded: Folded, load: Load, p: Sequence[Scalar], mass: Sequence[Scalar]) -> Elimination:
@@ -57,6 +58,9 @@ class Together:
         rows = self._rows(folded, load, p, mass)
         for pair, pull in load.pairs.items():
             self._add(rows, pull, self._between[pair])
+        for (i, j), blocks in self._cross.items():
+            for block in blocks:
+                self._add_cross(rows, block, self._motions(i), self._motions(j))
         groups, coupled = self._groups(rows, load)
         return Elimination(ArticulatedInertia.zero(), Force.zero(), {}, _closed(rows, groups, coupled))
 
@@ -84,6 +88,8 @@ class Together:
                 add([s, *row.D], True)
         for pair, pull in load.pairs.items():
             add(self._between[pair], where(pull.acts, 1.0, 0.0))
+        for i, j in self._cross:
+            add({**self._motions(i), **self._motions(j)}, True)
         order = elimination_order(coupled, len(names))
         place = {g: n for n, g in enumerate(order)}
         groups = [[s for s in rows if number[s] == g] for g in order]
@@ -146,6 +152,24 @@ class Together:
             rows[s].D[t] = rows[t].D[s] = d
         for s, u in zip(between, new[len(entries) :], strict=True):
             rows[s].u = u
+
+    def _motions(self, i: int) -> dict[int, Motion]:
+        """Of a body, for each coordinate that moves it."""
+        result: dict[int, Motion] = {}
+        for k in self._mechanism.support(i):
+            for column, s in zip(self._tree.S[k], self._mechanism.joints[k].v, strict=True):
+                result[s] = result[s] + column if s in result else column
+        return result
+
+    @staticmethod
+    def _add_cross(rows: dict[int, Row], block: Cross, own: Mapping[int, Motion], other: Mapping[int, Motion]) -> None:
+        """Add what ties the momenta of one body to the velocities of another, and the reverse."""
+        for t, column in other.items():
+            U = block @ column
+            for s, motion in own.items():
+                d = motion.dot(U)
+                new = rows[s].D.get(t, 0.0) + (d + d if s == t else d)
+                rows[s].D[t] = rows[t].D[s] = new
 
 
 def _closed(rows: Mapping[int, Row], groups: Sequence[Sequence[int]], coupled: dict[Couple, Scalar]) -> list[Closed]:

@@ -6,6 +6,7 @@ system = ap.System(x, forces=[ap.Gravity(), ap.Springs(pairs, stiffness=100.0)],
 system.step(1e-3)
 """
 
+from articulated.particles.attached import Attached, hair_on
 from articulated.particles.builders import Fabric, grid_cloth, mesh_cloth, rope
 from articulated.particles.colliders import Box, Capsule, Collider, Plane, Sphere
 from articulated.particles.fields import attractor, uniform, vortex
@@ -23,6 +24,7 @@ from articulated.particles.system import SOLVERS, System
 __all__ = [
     "SOLVERS",
     "Acceleration",
+    "Attached",
     "Bending",
     "Box",
     "Capsule",
@@ -43,6 +45,7 @@ __all__ = [
     "TriangleWind",
     "attractor",
     "grid_cloth",
+    "hair_on",
     "hinge_weights",
     "mesh_cloth",
     "rope",

@@ -27,7 +27,7 @@ def advance(system: Any, h: float, steps: int, solver: str, threads: int | None)
     """Take a system so many steps on."""
     of_each = [c for force in system.forces for c in force.constants if c.ndim]
     memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each])
-    known, key = kernels_of(system), (solver, system.forces, system.colliders)
+    known, key = kernels_of(system.like), (solver, system.forces, system.colliders)
     if (kernel := known.get(key)) is None:
         kernel = known[key] = stream_kernel(_stream(system, solver, len(of_each)), single=False)
     numbers = np.array([system.time, h])

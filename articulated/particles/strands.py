@@ -283,7 +283,7 @@ class Bound:
 
 def bound_to(system: Any, rooted: bool) -> Bound:
     """Made once for what a system's lists are."""
-    known, key = kernels_of(system), ("strands", rooted, system.forces, system.colliders)
+    known, key = kernels_of(system.like), ("strands", rooted, system.forces, system.colliders)
     if key not in known:
         strands = Strands(system, rooted)
         known[key] = Bound(strands, ScanKernel(strands.scan), strands.fixed)

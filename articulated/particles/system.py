@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -42,6 +43,7 @@ class System:
         inverse_mass: shape (n,) [1/kg]; zero for what is pinned.
         forces, colliders, time: see above.
         chains: if they are nothing but chains of one length, which; else None.
+        like: the system that this one is a copy of, or itself: what it was made for serves its copies.
 
     Raises:
         ValueError: an array does not fit, a number is not finite, a mass is not positive, a pinned particle moves, or a force
@@ -84,11 +86,18 @@ class System:
         self.forces = tuple(force.bound(self.x, self.mass) for force in forces)
         self.colliders = tuple(colliders)
         self.chains = Chains.of(n, self.forces)
+        self.like = self
 
     def __repr__(self) -> str:
         return (
             f"System({len(self.x)} particles, {len(self.forces)} forces, {len(self.colliders)} colliders, t = {self.time:g} s)"
         )
+
+    def at(self, x: np.ndarray, v: np.ndarray, time: float) -> System:
+        """The same particles in another state."""
+        other = copy(self)
+        other.x, other.v, other.time = np.array(x, dtype=float), np.array(v, dtype=float), time
+        return other
 
     @property
     def dimension(self) -> int:

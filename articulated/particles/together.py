@@ -31,7 +31,7 @@ def are_laws(forces: Sequence[Force], solver: str) -> bool:
 
 def advance(system: Any, h: float, steps: int, solver: str) -> None:
     """Take a system so many steps on."""
-    n, known, key = len(system.x), kernels_of(system), (solver, system.forces, system.colliders)
+    n, known, key = len(system.x), kernels_of(system.like), (solver, system.forces, system.colliders)
     if (found := known.get(key)) is None:
         kernel = MeshKernel(_mesh(system, solver))
         found = known[key] = kernel, _elements(system, kernel.lanes), [_filled(c, kernel.lanes) for c in _of_nodes(system)]

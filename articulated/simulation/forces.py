@@ -30,6 +30,7 @@ class Forces:
         numbers: of the scene.
         target: the configuration that drives hold to.
         tables: of each height field.
+        towed: what carried particles do to bodies; see `implicit.towing`.
     """
 
     scene: Scene
@@ -39,6 +40,7 @@ class Forces:
     numbers: Numbers = field(default_factory=Numbers)
     target: Sequence[Scalar] = ()
     tables: Sequence[Any] = ()
+    towed: Sequence[Scalar] = ()
 
     @property
     def mechanism(self) -> Mechanism:

@@ -119,6 +119,7 @@ class Implicit(Fixed):
             "efforts": motion.stance.efforts,
             "loop_forces": motion.stance.pulls,
             "carry": motion.stance.carry,
+            "towing": motion.stance.towing,
         }
 
 

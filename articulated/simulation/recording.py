@@ -13,7 +13,7 @@ from articulated.rig.errors import RigWarning
 from articulated.simulation.contact.sensing import contact_geometry, contact_links, contact_others
 from articulated.simulation.implicit.energy import solved_kinetic_energy
 from articulated.simulation.rollout import Rollout
-from articulated.trajectory import Outcome, Trajectory
+from articulated.trajectory import Cloud, Outcome, Trajectory
 
 _OVERLAP = 2e-3
 """What starts so deep in something else is told [m]."""
@@ -21,7 +21,9 @@ _LARGEST = 1e15
 """A state with larger numbers than this has diverged: an angle has no sine any more that means anything."""
 
 
-def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarray, fps: float) -> Trajectory:
+def trajectory_of(
+    rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarray, fps: float, particles: np.ndarray | None = None
+) -> Trajectory:
     """The trajectory of a rollout that has ended.
 
     Args:
@@ -29,6 +31,7 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         arrays: what was recorded, as it lists.
         tau: generalized forces of the control, shape (..., T, nv).
         fps: frames a second.
+        particles: x, then v of those that the rig carries, shape (..., T, n, 6).
     """
     world, rig = rollout.world, rollout.rig
     q, v, work = (array.astype(float, copy=False) for array in arrays[:3])
@@ -84,6 +87,7 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
         loop_gaps=gaps(rig, (*scene.loops, *scene.ropes), sound_q, None),
         loop_forces=shown.get("loop_forces", np.zeros((*q.shape[:-1], 0))).astype(float, copy=False),
         residual=rollout.residual(),
+        particles=_cloud(rollout, particles),
     )
     _warn_of_overlaps(trajectory)
     for outcome, count in trajectory.report.outcomes.items():
@@ -91,6 +95,13 @@ def trajectory_of(rollout: Rollout, arrays: Sequence[np.ndarray], tau: np.ndarra
             text = f"{count} of {trajectory.outcome.size} states of rig {rig.name!r}: {outcome.label}; {outcome.remedy}"
             warnings.warn(text, RuntimeWarning, stacklevel=4)
     return trajectory
+
+
+def _cloud(rollout: Rollout, particles: np.ndarray | None) -> Cloud | None:
+    freight = rollout.world.freight
+    if freight is None or particles is None:
+        return None
+    return Cloud(particles[..., :3].copy(), particles[..., 3:].copy(), freight.segments, freight.triangles)
 
 
 def _warn_of_overlaps(run: Trajectory) -> None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -29,6 +29,7 @@ from articulated.dynamics.boundary import GRAVITY, Argument
 from articulated.dynamics.calls import call, states
 from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Nested, Scalar, flatten, rebuilt, repeat
+from articulated.simulation.cargo import Cargo, Freight
 from articulated.simulation.control import Signal
 from articulated.simulation.forces import Forces
 from articulated.simulation.methods import INTEGRATORS, Clock, Motion, Times, layout
@@ -69,6 +70,7 @@ class World:
         like: numbers of the scene, to tell their structure.
         numbers: their values, shape (..., n).
         gravity: acceleration of free fall.
+        freight: particles that the rig carries, if there are any.
     """
 
     scene: Scene
@@ -76,6 +78,7 @@ class World:
     like: Numbers
     numbers: np.ndarray
     gravity: tuple[float, ...]
+    freight: Freight | None = None
 
     @cached_property
     def layout(self) -> Motion:
@@ -89,11 +92,15 @@ class World:
 
 
 class Signals(NamedTuple):
-    """What acts in each period: generalized forces, the configuration that drives hold to, and wrenches on links."""
+    """What acts in each period: generalized forces, the configuration that drives hold to, and wrenches on links.
+
+    And in each step what carried particles do to bodies.
+    """
 
     tau: Signal
     target: Signal
     external: Signal
+    towed: Signal
 
 
 class Frames(NamedTuple):
@@ -102,6 +109,7 @@ class Frames(NamedTuple):
     first: int
     recorded: list[np.ndarray]
     tau: np.ndarray
+    particles: np.ndarray | None = None
 
 
 class Rollout:
@@ -119,7 +127,10 @@ class Rollout:
         self.batch, self.dtype = start.work.shape, start.q.dtype
         self._tables = [np.ascontiguousarray(table, self.dtype) for table in self.scene.tables]
         self.changes = any(signal.changes for signal in signals)
-        self.asks = any(signal.function is not None for signal in signals)
+        self.cargo = (
+            None if start.particles is None or world.freight is None else Cargo(world.freight, start.particles, start.time)
+        )
+        self.asks = any(signal.function is not None for signal in signals) or self.cargo is not None
         self._like = world.layout
         self._size = world.size
         self.shown = self._shown(self._like)
@@ -158,7 +169,7 @@ class Rollout:
             size = nq + nv + 1 + len(self.scene.rows)
             motion = call(self.rig, _interpolated, given, (size,), None, self.threads, **options)
         self._shared = True
-        return State.of(t, motion, nq, nv)
+        return replace(State.of(t, motion, nq, nv), particles=None if self.cargo is None else self.cargo.particles)
 
     def _shown(self, motion: Motion) -> dict[str, list[Any]]:
         """What the method shows of the step before, flat; without what is empty."""
@@ -205,8 +216,20 @@ class Rollout:
     def _period(self, k: int) -> None:
         if math.prod(self.batch) == 0:
             return
+        if self.cargo is None:
+            self._advance(k, self.plan.substeps)
+            return
+        nq, nv, towing = self.rig.nq, self.rig.nv, self.shown["towing"]
+        for _ in range(self.plan.substeps):
+            q, v = self.motion[..., :nq], self.motion[..., nq : nq + nv]
+            self.signals.towed.value = self.cargo.towed(q, v, self.plan.times.h).astype(self.dtype, copy=False)
+            self._advance(k, 1)
+            self.cargo.follow(self.motion[..., :nq], self.motion[..., towing])
+
+    def _advance(self, k: int, substeps: int) -> None:
+        """So many steps under what acts in period k."""
         if not interpreting():
-            self._run(k, 1, 1, None)
+            self._run(k, 1, 1, None, substeps)
             return
         settings, numbers = self._settings(k), self.world.numbers
         given = [(self.motion, 1), (np.broadcast_to(settings, (*self.batch, *settings.shape)), 1)]
@@ -218,7 +241,7 @@ class Rollout:
             forces = self._forces(signals, numbers, self.world.gravity, self.scene.tables)
             motion = rebuilt(self._like, iter(motion))
             motion = self.method.resumed(motion, forces) if resume else motion
-            clock = _clock(Times(*settings[1:]), settings[0], self.changes, self.plan.substeps)
+            clock = _clock(Times(*settings[1:]), settings[0], self.changes, substeps)
             return flatten(self.method.advance(motion, forces, clock))
 
         moved = np.empty_like(self.motion)
@@ -243,27 +266,30 @@ class Rollout:
         elif tau.ndim == len(self.batch) + 1:
             tau = tau[..., None, :]
         shown = [self.motion[..., None, part] for part in self.shown.values()]
-        return Frames(frame, [state.q[..., None, :], state.v[..., None, :], state.work[..., None], *shown], tau)
+        particles = None if state.particles is None else state.particles[..., None, :, :]
+        return Frames(frame, [state.q[..., None, :], state.v[..., None, :], state.work[..., None], *shown], tau, particles)
 
     def _settings(self, first: int) -> np.ndarray:
         """As the algorithms take them: the number of the first period, then the times."""
         return np.array([first, *self.plan.times], self.dtype)
 
     def _forces(self, signals: Sequence[Nested], numbers: Nested, gravity: Nested, tables: Sequence[Any]) -> Forces:
-        tau, target, external = signals
+        tau, target, external, towed = signals
         nothing = [0.0] * self.rig.nv
         given = rebuilt(self.world.like, iter(numbers))
         tau, target = nothing if tau is None else tau, () if target is None else target
-        return Forces(self.scene, tau, external, gravity, given, target, tables)
+        return Forces(self.scene, tau, external, gravity, given, target, tables, () if towed is None else towed)
 
     # compiled
 
-    def _run(self, first: int, frames: int, periods: int, recorded: list[np.ndarray] | None) -> None:
+    def _run(
+        self, first: int, frames: int, periods: int, recorded: list[np.ndarray] | None, substeps: int | None = None
+    ) -> None:
         """Run some frames from period `first` on, recording their beginnings, if wanted.
 
         Where states are regrouped, a few steps at a time; only the first piece of a frame begins it.
         """
-        substeps = self.plan.substeps
+        substeps = self.plan.substeps if substeps is None else substeps
         if not self._regroups or frames * periods * substeps <= _TOGETHER:
             self._run_piece(first, (frames, periods, substeps), recorded)
             return
@@ -358,7 +384,7 @@ class Rollout:
             _, end = repeat(tape.parameter(_FRAMES), frame, [first, start])
             return [flatten(end)]
 
-        shapes = ("tau", (rig.nv,)), ("target", (rig.nq,)), ("external", (rig.nlinks, 6))
+        shapes = ("tau", (rig.nv,)), ("target", (rig.nq,)), ("external", (rig.nlinks, 6)), ("towed", self.signals.towed.shape)
         arguments = [Array("motion", (self._size,)), Array("settings", (1 + len(Times._fields),))]
         arguments += [Array("numbers", (self.world.numbers.shape[-1],))]
         arguments += [Array(name, shape, kind == "rows") for (name, shape), kind in zip(shapes, kinds, strict=True) if kind]

@@ -78,6 +78,7 @@ class Scene:
         ropes: loops that only ever pull.
         pieces: convex shapes of the rig and of what stands around.
         pairs: which of these may touch each other.
+        carriers: of each lot of particles that it carries, the bodies that do.
     """
 
     rig: Rig
@@ -93,6 +94,7 @@ class Scene:
     ropes: tuple[Closure, ...] = ()
     pieces: tuple[Piece, ...] = ()
     pairs: tuple[Pair, ...] = ()
+    carriers: tuple[tuple[int, ...], ...] = ()
 
     @cached_property
     def mechanism(self) -> Mechanism:
@@ -106,7 +108,7 @@ class Scene:
         parts = surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
         limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
-        parts = *parts, self.drives, limits, self.loops, self.ropes, self.pieces, self.pairs, self.iterates
+        parts = *parts, self.drives, limits, self.loops, self.ropes, self.pieces, self.pairs, self.iterates, self.carriers
         return repr(parts).encode() + content(self.rig)
 
     @property
@@ -121,7 +123,7 @@ class Scene:
         """Whether anything in it is that an explicit method may not get over."""
         m = self.mechanism
         one_sided = self.contacts or self.stopped or self.cones or self.ropes
-        return bool(one_sided or self.drives or any(m.damping) or any(m.friction))
+        return bool(one_sided or self.drives or self.carriers or any(m.damping) or any(m.friction))
 
     @property
     def tables(self) -> list[np.ndarray]:

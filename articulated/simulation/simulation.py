@@ -13,15 +13,18 @@ from numpy.typing import ArrayLike
 from articulated.dynamics.boundary import GRAVITY, Argument, check_threads, checked
 from articulated.dynamics.loops.assembly import assemble
 from articulated.dynamics.loops.functions import closed, gaps
+from articulated.particles.attached import Attached
 from articulated.rig import Loop, Rig
 from articulated.scalar import flatten
 from articulated.simulation.actuation import PD, Stops
+from articulated.simulation.cargo import Freight
 from articulated.simulation.contact.candidates import ContactPoint
 from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground
 from articulated.simulation.contact.sensing import Contacts, contact_geometry, contact_links, contact_others
 from articulated.simulation.control import Signal
 from articulated.simulation.describe import described
+from articulated.simulation.implicit.towing import size
 from articulated.simulation.methods import INTEGRATORS, Times
 from articulated.simulation.recording import trajectory_of
 from articulated.simulation.rollout import Plan, Rollout, Signals, World
@@ -55,6 +58,7 @@ class Simulation:
             None takes all links that move. What a step takes grows with their number.
         limits: whether joint limits are stops, or what stops they are.
         actuation: drives of its joints; then a control is the configuration that they hold to.
+        particles: what the rig carries: hair, capes, ropes; see `articulated.particles.Attached`. It takes the implicit step.
         collisions: which bodies touch each other, and what stands around; True is all that can meet, None or False nothing.
         loops: what closes the rig besides its joints; None for what it came with. A rope makes the rig one with stops.
         integrator: "semi_implicit" (order 1, all that is stiff implicit), "euler" (1), "midpoint" (2), "rk4" (4), or "dopri5"
@@ -78,6 +82,7 @@ class Simulation:
     limits: Stops | bool = True
     actuation: PD | None = None
     loops: Sequence[Loop] | None = None
+    particles: Sequence[Attached] | Attached = ()
     collisions: Collisions | bool | None = None
     integrator: str | None = None
     substeps: int = 1
@@ -116,9 +121,21 @@ class Simulation:
             self.loops,
             self.collisions,
         )
+        freight = self._freight(gravity.tolist())
+        if freight is not None:
+            scene = replace(scene, carriers=freight.carriers)
+            if self.integrator not in (None, "semi_implicit"):
+                raise ValueError(f"integrator is {self.integrator!r}; with particles attached, expected semi_implicit")
         method = self.integrator or ("semi_implicit" if scene.is_stiff else "rk4")
         object.__setattr__(self, "integrator", method)
-        object.__setattr__(self, "_world", World(scene, method, like, numbers, tuple(gravity.tolist())))
+        object.__setattr__(self, "_world", World(scene, method, like, numbers, tuple(gravity.tolist()), freight))
+
+    def _freight(self, gravity: list[float]) -> Freight | None:
+        some = (self.particles,) if isinstance(self.particles, Attached) else tuple(self.particles)
+        for one in some:
+            if not isinstance(one, Attached):
+                raise ValueError(f"particles holds {one!r}; expected particles.Attached(…), as hair_on(…) makes them")
+        return Freight.of(self.rig, some, gravity) if some else None
 
     def reset(
         self,
@@ -155,6 +172,8 @@ class Simulation:
         remembered = INTEGRATORS[self._world.integrator].remembers(self._world.scene)
         new = State.of(0.0, np.zeros((*batch, rig.nq + rig.nv + 1 + remembered), dtype), rig.nq, rig.nv)
         new.q[...], new.v[...] = q, v
+        if self._world.freight is not None:
+            new = replace(new, particles=self._world.freight.placed(new.q.astype(float), new.v.astype(float)))
         return new if state is None else _partly(new, state, where)
 
     def _closed(self, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -237,6 +256,7 @@ class Simulation:
         rollout = self._rollout(start, control, external, frames, periods, 1.0 / (fps * periods))
         arrays = [np.empty((*batch, frames + 1, *shape), start.q.dtype) for shape in rollout.recorded]
         tau = np.empty((*batch, frames + 1, self.rig.nv))
+        particles = None if start.particles is None else np.empty((*batch, frames + 1, *start.particles.shape[-2:]))
         with _Bar(progress, frames + 1, self.rig.name) as advance_bar:
             for some in rollout.run():
                 these = slice(some.first, some.first + some.tau.shape[-2])
@@ -244,8 +264,10 @@ class Simulation:
                 for array, part, shape in zip(arrays, some.recorded, rollout.recorded, strict=True):
                     array[(*core, *[slice(None)] * len(shape))] = part
                 tau[..., these, :] = some.tau
+                if particles is not None:
+                    particles[..., these, :, :] = some.particles
                 advance_bar(some.tau.shape[-2])
-        return trajectory_of(rollout, arrays, tau, fps)
+        return trajectory_of(rollout, arrays, tau, fps, particles)
 
     def contacts(self, state: State) -> Contacts:
         """Where a state's points of contact are, and how they were pushed in the last step: what sensors feel."""
@@ -280,6 +302,7 @@ class Simulation:
             Signal(rig, "control", (rig.nv,), batch, total, None if drives else control, start.q.dtype),
             Signal(rig, "control", (rig.nq,), batch, total, control if drives else None, start.q.dtype),
             Signal(rig, "external", (rig.nlinks, 6), batch, total, external, start.q.dtype),
+            Signal(rig, "towed", (size(self._world.scene.carriers),), batch, total, None, start.q.dtype),
         )
         times = Times(period, frames * periods * period, period / self.substeps, self.rtol, self.atol, self.max_steps)
         plan = Plan(frames, periods, self.substeps, times)
@@ -298,7 +321,10 @@ def _partly(new: State, state: State, where: ArrayLike | None) -> State:
         motion = np.where(mask[..., None], new.motion(), now)
     except ValueError:
         raise ValueError(f"q0 {new.q.shape} and v0 {new.v.shape} do not broadcast to the state's {batch}") from None
-    return State.of(state.time, motion.astype(now.dtype, copy=False), state.q.shape[-1], state.v.shape[-1])
+    result = State.of(state.time, motion.astype(now.dtype, copy=False), state.q.shape[-1], state.v.shape[-1])
+    if state.particles is None or new.particles is None:
+        return result
+    return replace(result, particles=np.where(mask[..., None, None], new.particles, state.particles))
 
 
 def simulate(rig: Rig, duration: float = 5.0, *, q0=None, v0=None, fps: float = 60.0, control=None, **settings) -> Trajectory:

@@ -16,6 +16,7 @@ class State:
         q: configurations, shape (..., nq).
         v: generalized velocities, shape (..., nv).
         work: done since the start by all forces but weight, shape (...) [J].
+        particles: that the rig carries: x, then v, shape (..., n, 6) [m, m/s]; None if it carries none.
         memory: what the method carries on besides, such as where contacts hold, shape (..., n); see `Simulation.contacts`.
     """
 
@@ -24,6 +25,7 @@ class State:
     v: np.ndarray
     work: np.ndarray
     memory: np.ndarray
+    particles: np.ndarray | None = None
 
     @staticmethod
     def of(time: float, motion: np.ndarray, nq: int, nv: int) -> State:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from articulated.rig import Rig
+from articulated.trajectory.cloud import Cloud
 from articulated.trajectory.report import Report, certify
 
 PER_STATE = {
@@ -55,6 +57,7 @@ class Trajectory:
             opposite on A's, shape (..., T, m) [N, N m]; see `Loop.rows`.
         residual: the largest that the solver left in any step, of each state, shape (...) [m/s].
         settings: how it was made: integrator, dt and so on.
+        particles: that the rig carried, of as many frames and states; None if there were none.
     """
 
     rig: Rig
@@ -77,6 +80,7 @@ class Trajectory:
     loop_gaps: np.ndarray
     loop_forces: np.ndarray
     residual: np.ndarray
+    particles: Cloud | None = None
 
     def __repr__(self) -> str:
         return f"Trajectory({self.rig.name!r}, {len(self.time)} frames, {self.time[-1]:g} s, states {self.q.shape[:-2]})"
@@ -100,7 +104,10 @@ class Trajectory:
         """The trajectory of one state of a batch, or of part of a batch."""
         if len(index) > self.outcome.ndim:
             raise ValueError(f"state index {index} has {len(index)} entries; the batch has {self.outcome.ndim} axes")
-        return replace(self, **{name: np.asarray(getattr(self, name)[index]) for name in PER_STATE})
+        some: dict[str, Any] = {name: np.asarray(getattr(self, name)[index]) for name in PER_STATE}
+        if self.particles is not None:
+            some["particles"] = self.particles.state(*index)
+        return replace(self, **some)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything, the rig included, to an .npz file. An old file is replaced only once the new one is whole.

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Scalar
+from articulated.simulation.implicit.towing import nothing
 from articulated.simulation.scene import Scene
 
 
@@ -29,6 +30,7 @@ class Stance:
         near, met: which contacts with the ground, and which pairs, were near in the last step, as numbers.
         latest: its sweeps.
         sweeps: of all steps so far.
+        towing: of bodies that carry particles their velocities as the last step found them; see `Tow.shown`.
     """
 
     anchors: list[list[Scalar]]
@@ -47,6 +49,7 @@ class Stance:
     met: Scalar
     latest: Scalar
     sweeps: Scalar
+    towing: list[list[Scalar]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +80,10 @@ def unmoved(scene: Scene) -> Stance:
     grips, pulled = [[0.0] * 3 for _ in scene.pair_of], [[0.0] * 3 for _ in scene.pairs]
     shift, carry = ([0.0] * (scene.mechanism.nv if some else 0) for some in (scene.rebounds, scene.loops))
     pulls, efforts = [0.0] * len(scene.rows), [0.0] * len(drives)
-    slack = [0.0] * len(dry)
-    return Stance(anchors, grips, slack, 0.0, shift, carry, pushes, pulled, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    slack, towing = [0.0] * len(dry), nothing(scene.carriers)
+    return Stance(
+        anchors, grips, slack, 0.0, shift, carry, pushes, pulled, efforts, pulls, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, towing
+    )
 
 
 def rubbing(mechanism: Mechanism) -> list[int]:

@@ -33,6 +33,7 @@ from articulated.simulation.implicit.problem import (
 from articulated.simulation.implicit.rebound import rebounded
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import SLIP_SPEED, Contact
+from articulated.simulation.implicit.towing import Tow
 from articulated.simulation.implicit.values import Terms, Three
 from articulated.spatial import Mat3, Vec3
 
@@ -47,7 +48,11 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     V = now.velocities(v)
     p, mass = linear_part(start, v, forces, h)
     past = Past.of(now, start)
-    carried = along_coordinates(now, momenta(now, past, forces, h))
+    tow = Tow.of(scene.carriers, forces.towed, now.origin)
+    F = momenta(now, past, forces, h)
+    for i, impulse in tow.impulse.items():
+        F[i] = F[i] + impulse
+    carried = along_coordinates(now, F)
     grounded = contacts(scene, now, past, V, gaps(scene, now, forces.tables), start.stance, forces.numbers, h)
     met, nearness = meetings(scene, now, past, V, start.stance, forces.numbers, h)
     counts = [scene.points_of(pair) for pair in scene.pairs]
@@ -59,7 +64,8 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     coordinates = [s for j in terms.joints for s in j.direction]
     p = [a + b for a, b in zip(p, carried, strict=True)]
     ties = Ties([*loops, *ropes], scene.sizes, len(ropes))
-    sweep = Sweep(now, p, mass, [i for i in bodies if i != WORLD], coordinates, ties, pairs)
+    bodies = [i for i in bodies if i != WORLD]
+    sweep = Sweep(now, p, mass, bodies, coordinates, ties, pairs, tow.inertia, tow.cross)
     bend, tolerance = bends(now, start.q, v, V, loops, h), forces.numbers.tolerance
     start_at = begin(sweep, terms, now, v, bend)
     if scene.rebounds:
@@ -73,6 +79,11 @@ def semi_implicit_step(start: Standing, forces: Forces, h: Scalar) -> Standing:
     efforts = _efforts(start, terms, found, forces, v_new, h)
     work = start.work + _work(now, terms, (start_at, found), forces, efforts, (v, v_new), h)
     stance = _stance(now, start.stance, terms, found, forces, efforts, h)
+    if scene.carriers:
+        V_new = now.velocities(v_new)
+        for i, impulse in tow.given(V_new).items():
+            work = work + 0.5 * (V[i] + V_new[i]).dot(impulse)
+        stance = replace(stance, towing=tow.shown(scene.carriers, V_new))
     if not (scene.loops or scene.rebounds):
         return Standing(*moved(now, start.q, v_new, v_new, h), work, stance)
     q_new, v_end = closed_step(scene, now, start.q, v_moving, v_new, h)
@@ -174,6 +185,7 @@ def _stance(
         _pattern(terms.nearness),
         found.k,
         before.sweeps + found.k,
+        before.towing,
     )
 
 
