@@ -74,7 +74,7 @@ from articulated.simulation import (
     first_order,
     simulate,
 )
-from articulated.trajectory import Check, Outcome, Report, Trajectory
+from articulated.trajectory import Check, Cloud, Outcome, Report, Trajectory
 
 __version__ = "0.1.0"
 
@@ -87,6 +87,7 @@ __all__ = [
     "Capsule",
     "Check",
     "CollisionPairs",
+    "Cloud",
     "Collisions",
     "ContactPoint",
     "Contacts",

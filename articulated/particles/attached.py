@@ -15,13 +15,15 @@ from articulated.particles.forces.drag import Drag
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.forces.gravity import Gravity
 from articulated.particles.forces.springs import Springs
+from articulated.particles.shown import segments, triangles
 
 
 @dataclass(frozen=True, eq=False)
 class Attached:
     """Particles of which some, the roots, are fixed to links of a rig.
 
-    What pulls at a root pulls at its link, and roots weigh on it: rig and particles are solved for together, both ways. Strands of one length whose first particles are the roots are quickest by far: see `hair_on`.
+    What pulls at a root pulls at its link, and roots weigh on it: rig and particles are solved for together, both ways. Strands
+    of one length whose first particles are the roots are quickest by far: see `hair_on`.
 
     Attributes:
         x: where particles are at rest, shape (n, 3) [m], in the axes of a link or, if `frame` is None, in the world, with the
@@ -33,7 +35,6 @@ class Attached:
         colliders: what they run into, in the world.
         avoids: names of links whose collision shapes they cannot enter; the links do not feel it.
         restitution, friction: of these shapes.
-        triangles: between which particles there is cloth, to be drawn, shape (m, 3).
     """
 
     x: Any
@@ -45,7 +46,6 @@ class Attached:
     avoids: Sequence[str] = ()
     restitution: float = 0.0
     friction: float = 0.0
-    triangles: Any = ()
 
     def __post_init__(self) -> None:
         x = numbers("Attached: x", self.x, (None, 3))
@@ -71,20 +71,17 @@ class Attached:
             settle(self, **{name: positive(f"Attached: {name}", getattr(self, name), zero=True)})
         avoids = (self.avoids,) if isinstance(self.avoids, str) else tuple(self.avoids)
         settle(self, x=x, mass=mass, forces=tuple(f.bound(x, mass) for f in self.forces), roots=roots, avoids=avoids)
-        triangles = elements("Attached: triangles", self.triangles, 3)
-        in_range("Attached: triangles", triangles, len(x))
-        settle(self, colliders=tuple(self.colliders), triangles=triangles)
+        settle(self, colliders=tuple(self.colliders))
 
     @property
     def segments(self) -> np.ndarray:
         """Pairs of particles that a force joins, as they are drawn, shape (m, 2)."""
         return segments(self.forces)
 
-
-def segments(forces: Sequence[Force]) -> np.ndarray:
-    """Pairs of particles that forces join, shape (m, 2)."""
-    some = [f.particles for f in forces if isinstance(f, Law) and f.particles is not None and f.particles.shape[1] == 2]
-    return np.concatenate(some) if some else np.zeros((0, 2), dtype=np.int64)
+    @property
+    def triangles(self) -> np.ndarray:
+        """Between which particles there is cloth, as it is drawn, shape (k, 3)."""
+        return triangles(self.forces)
 
 
 def hair_on(

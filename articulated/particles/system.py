@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Any
@@ -16,9 +17,11 @@ from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import vectors
+from articulated.particles.shown import segments, triangles
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.together import are_laws
+from articulated.trajectory import Cloud
 
 SOLVERS = (*EXPLICIT, "implicit_euler")
 
@@ -236,6 +239,44 @@ class System:
                 x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)
                 self._arrive(h, x, v, LAGS[method])
         return 0.0
+
+    def run(
+        self,
+        duration: float,
+        dt: float,
+        solver: str | ImplicitEuler = "semi_implicit",
+        fps: float = 60.0,
+        threads: int | None = None,
+        progress: bool = False,
+    ) -> Cloud:
+        """Go on for a time, and record frames, the state that there is first.
+
+        Args:
+            duration: [s]; the last frame is the last that it holds.
+            dt: length of a step [s]; it is shortened so that frames fall on steps.
+            solver, threads: as of `step`.
+            fps: frames a second.
+            progress: show a bar if it takes long.
+
+        Raises:
+            ValueError: a time is impossible, or there is no such solver.
+        """
+        from tqdm import tqdm
+
+        duration, dt, fps = positive("duration", duration), positive("dt", dt), positive("fps", fps)
+        frames = math.floor(duration * fps + 1e-9)
+        if frames < 1:
+            raise ValueError(f"duration {duration:g} s is shorter than one frame at {fps:g} fps; give more of either")
+        steps, start = max(1, math.ceil(1.0 / (fps * dt) - 1e-9)), self.time
+        x, v = np.empty((2, frames + 1, len(self.x), 3))
+        energy = np.empty(frames + 1)
+        bar = tqdm(range(frames + 1), unit="frame", delay=2.0, disable=None if progress else True, leave=False)
+        for k in bar:
+            if k > 0:
+                self.step(1.0 / (fps * steps), solver, steps, threads)
+                self.time = start + k / fps
+            x[k], v[k], energy[k] = self.x, self.v, self.energy()
+        return Cloud(start + np.arange(frames + 1) / fps, x, v, energy, segments(self.forces), triangles(self.forces))
 
     def _implicit(self, h: float, method: ImplicitEuler) -> float:
         x, v, residual = method.step(self, h)

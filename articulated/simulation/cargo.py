@@ -134,6 +134,15 @@ class Freight:
             result[..., first + lot.held, 3:] = 0.0
         return result
 
+    def energy(self, time: np.ndarray, x: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """Kinetic and potential, of frames of shape (..., T, n, 3), shape (..., T) [J]."""
+        result = np.zeros(x.shape[:-2])
+        for frame in np.ndindex(result.shape):
+            for lot, first in zip(self.lots, self.ends, strict=False):
+                own = slice(first, first + len(lot.x))
+                result[frame] += lot.system.energy(float(time[frame[-1]]), x[frame][own], v[frame][own])
+        return result
+
     @property
     def triangles(self) -> np.ndarray:
         """Between which there is cloth, shape (k, 3)."""

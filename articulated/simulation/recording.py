@@ -87,7 +87,7 @@ def trajectory_of(
         loop_gaps=gaps(rig, (*scene.loops, *scene.ropes), sound_q, None),
         loop_forces=shown.get("loop_forces", np.zeros((*q.shape[:-1], 0))).astype(float, copy=False),
         residual=rollout.residual(),
-        particles=_cloud(rollout, particles),
+        particles=_cloud(rollout, particles, fps),
     )
     _warn_of_overlaps(trajectory)
     for outcome, count in trajectory.report.outcomes.items():
@@ -97,11 +97,12 @@ def trajectory_of(
     return trajectory
 
 
-def _cloud(rollout: Rollout, particles: np.ndarray | None) -> Cloud | None:
+def _cloud(rollout: Rollout, particles: np.ndarray | None, fps: float) -> Cloud | None:
     freight = rollout.world.freight
     if freight is None or particles is None:
         return None
-    return Cloud(particles[..., :3].copy(), particles[..., 3:].copy(), freight.segments, freight.triangles)
+    x, v, time = particles[..., :3].copy(), particles[..., 3:].copy(), np.arange(particles.shape[-3]) / fps
+    return Cloud(time, x, v, freight.energy(time, x, v), freight.segments, freight.triangles)
 
 
 def _warn_of_overlaps(run: Trajectory) -> None:

@@ -17,12 +17,15 @@ import numpy as np
 
 from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
+from articulated.trajectory.cloud import Cloud
 from articulated.trajectory.trajectory import PER_STATE, Trajectory
 
-FORMAT = 4
+FORMAT = 5
 """Version of the .npz layout."""
 
 _ARRAYS = ("time", *PER_STATE)
+_PARTICLES = "particles_"
+"""What names of their arrays begin with."""
 _NAMES = ("contact_links", "contact_others", "loop_rows")
 
 
@@ -33,6 +36,8 @@ def save(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     about = {"format": FORMAT, "root": trajectory.rig.root, "settings": trajectory.settings}
     about |= {name: list(getattr(trajectory, name)) for name in _NAMES}
     arrays = {name: getattr(trajectory, name) for name in _ARRAYS}
+    if trajectory.particles is not None:
+        arrays |= {_PARTICLES + name: array for name, array in trajectory.particles.arrays().items() if name != "time"}
     with written(path, "wb") as file:
         np.savez_compressed(file, about=json.dumps(about), rig=trajectory.rig.to_urdf(), **arrays)
 
@@ -45,6 +50,7 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
             about = json.loads(str(data["about"]))
             later, root, settings = about["format"] > FORMAT, about["root"], about["settings"]
             content = {key: data[key] for key in ("rig", *(name for name in _ARRAYS if name in data))}
+            particles = {key.removeprefix(_PARTICLES): data[key] for key in data if key.startswith(_PARTICLES)}
             names = {name: tuple(map(str, about.get(name, ()))) for name in _NAMES}
         if not later:
             with warnings.catch_warnings():
@@ -60,11 +66,12 @@ def load(path: str | os.PathLike[str]) -> Trajectory:
         if not names["contact_others"]:  # before format 4 all was ground
             names["contact_others"] = ("",) * len(names["contact_links"])
         arrays = _complete(content, rig, len(names["contact_links"]), len(names["loop_rows"]))
+        cloud = Cloud.of({"time": arrays["time"], **particles}) if particles else None
     except KeyError as error:
         raise ValueError(f"{name} is not a trajectory, or is damaged (no {error})") from None
     except ValueError as error:
         raise ValueError(f"{name} is damaged: {error}") from None
-    return Trajectory(rig=rig, settings=settings, **names, **arrays)  # type: ignore[arg-type]
+    return Trajectory(rig=rig, settings=settings, particles=cloud, **names, **arrays)  # type: ignore[arg-type]
 
 
 def _complete(content: dict[str, np.ndarray], rig: Rig, contacts: int, rows: int) -> dict[str, np.ndarray]:

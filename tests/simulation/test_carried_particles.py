@@ -41,7 +41,7 @@ def cape(*links):
     """Cloth whose upper corners hang on links."""
     cloth = ap.grid_cloth((-0.15, -0.2, 1.4), (0, 0, -0.6), (0, 0.4, 0), 6, 5, 2.0, 1e4, bending=1e-3, damping=1e-3)
     some = [[0, 1], [3, 4]] if len(links) == 2 else [[0, 1, 3, 4]]
-    return ap.Attached(cloth.x, cloth.mass, cloth.forces, dict(zip(links, some, strict=True)), triangles=cloth.triangles)
+    return ap.Attached(cloth.x, cloth.mass, cloth.forces, dict(zip(links, some, strict=True)))
 
 
 LOADS = {
