@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
@@ -66,6 +67,7 @@ def _left_out(name: str, why: str) -> None:
 
 def taichi_for(dtype: Any) -> Any:
     """Taichi on one thread, its numbers in a format; fields made before are gone."""
+    os.environ.setdefault("ENABLE_TAICHI_HEADER_PRINT", "0")
     import taichi
 
     real = taichi.f32 if dtype == np.float32 else taichi.f64
