@@ -6,14 +6,18 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
 from timing import median, turns
 
 import articulated.particles as ap
+
+PACKAGES = {"numba": "numba", "warp": "warp-lang", "taichi": "taichi"}
+"""Modules of contenders that may be missing, and the packages that they are in."""
 
 
 @dataclass(frozen=True)
@@ -50,19 +54,17 @@ def of_arrays(x: np.ndarray, v: np.ndarray, step: Callable[[], object]) -> Conte
 
 
 def entered(makers: Mapping[str, Callable[[], Contender]]) -> dict[str, Contender]:
-    """Those whose packages are installed; others are named."""
+    """Those whose packages are installed; see `missing`."""
     found = {}
     for name, make in makers.items():
-        try:
+        with suppress(ModuleNotFoundError):
             found[name] = make()
-        except ModuleNotFoundError as error:
-            _left_out(name, str(error))
     return found
 
 
-@cache
-def _left_out(name: str, why: str) -> None:
-    print(f"({name} is left out: {why})\n")
+def missing() -> list[str]:
+    """Packages of contenders that are not installed."""
+    return [package for module, package in PACKAGES.items() if find_spec(module) is None]
 
 
 def taichi_for(dtype: Any) -> Any:

@@ -11,7 +11,7 @@ import particles_alone as alone
 import particles_cloth as explicit
 import particles_implicit as implicit
 import particles_strands as strands
-from contenders import Contender, Race, entered, errors, heading, raced, row
+from contenders import Contender, Race, entered, errors, heading, missing, raced, row
 
 OURS = ("System.step", "our kernel")
 
@@ -24,6 +24,8 @@ def particles(native: bool) -> None:
     All begin each lap from the same state. Numbers go in and out of `System.step` as arrays of shape (n, 3); peers, and our
     kernel, have theirs where they like it best, and putting them there is not timed.
     """
+    for package in missing():
+        print(f"\n{package} is left out: it is not installed.")
     _alone()
     _cloth()
     _implicit()
