@@ -6,9 +6,10 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
+from contextlib import redirect_stdout, suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -73,7 +74,8 @@ def taichi_for(dtype: Any) -> Any:
     import taichi
 
     real = taichi.f32 if dtype == np.float32 else taichi.f64
-    taichi.init(arch=taichi.cpu, cpu_max_num_threads=1, default_fp=real, fast_math=True, log_level=taichi.ERROR)
+    with redirect_stdout(StringIO()):  # it says that it starts, whatever it is told
+        taichi.init(arch=taichi.cpu, cpu_max_num_threads=1, default_fp=real, fast_math=True, log_level=taichi.ERROR)
     return taichi
 
 
