@@ -37,7 +37,7 @@ def _alone() -> None:
     print(f"""
 ### Particles alone
 
-Wind, drag and a ground; in 0.1 s, or 0.01 s of a million, some per cent meet it. Ours does {work} flop a step, with quotients and
+Wind, drag and a ground, which 7 % meet in 0.1 s, and 0.4 % in the 0.01 s of a million. Ours does {work} flop a step, with quotients and
 roots as IEEE 754 has them; numba may reorder, and estimates them in float32. A call moves 13 numbers of each particle at least.
 This core does {peak * 1e-9:.0f} GF/s in float64, twice that in float32; the last columns are what our kernel does of that, and, where
 no cache holds all particles, of the bytes a second that a copy moves right afterwards.
