@@ -10,7 +10,6 @@ Contenders take turns in one run on one core (native Pinocchio in a process of i
 from __future__ import annotations
 
 import argparse
-import ctypes
 import inspect
 import os
 import subprocess
@@ -19,10 +18,12 @@ import tempfile
 import time
 from collections.abc import Callable
 
+import limits
 import numpy as np
 from contact import contact, contact_growth, stepping
 from loops import loop_growth, loops
 from pairs import pairs_of_bodies, two_ragdolls
+from particles import particles
 from peers import Native, Pinocchio, mujoco_forward
 from rigs import ROBOTS, chain, robot
 from timing import at_once, median, pin_to_one_core, ratio, setting, timed, turns
@@ -41,50 +42,14 @@ def states(rig: art.Rig, count: int, dtype=np.float64) -> list[np.ndarray]:
 
 
 def flops(rig: art.Rig, function: str) -> int:
-    """Floating-point operations of the compiled program, a fused multiply-add as two."""
+    """Floating-point operations of the compiled program."""
     tape = Tape(programs(rig)[function], False)
-    weights = {"fma": 2, "fms": 2, "fnma": 2, "add": 1, "sub": 1, "mul": 1, "div": 1, "sqrt": 1}
-    return sum(weights.get(node[0], 0) for node in schedule(tape.graph, tape.outputs, None, 8).operations())
-
-
-def peak() -> float:
-    """What the core can do at most: a loop of nothing but fused multiply-adds [flop/s]."""
-    from articulated.compiler.machine import machine
-
-    on = machine()
-    lanes, chains = on.register // 8, 12
-    V = f"<{lanes} x double>"
-    phis = [f"  %a{k} = phi {V} [ zeroinitializer, %entry ], [ %b{k}, %loop ]" for k in range(chains)]
-    work = [f"  %b{k} = call {V} @llvm.fma.v{lanes}f64({V} %x, {V} %x, {V} %a{k})" for k in range(chains)]
-    sums = [f"  %s{k + 1} = fadd {V} {'%b0' if k == 0 else f'%s{k}'}, %b{k + 1}" for k in range(chains - 1)]
-    text = f"""
-define void @work(i64 %n, ptr %p) {{
-entry:
-  %x = load {V}, ptr %p, align 8
-  br label %loop
-loop:
-  %k = phi i64 [ 0, %entry ], [ %next, %loop ]
-{chr(10).join(phis + work)}
-  %next = add i64 %k, 1
-  %more = icmp slt i64 %next, %n
-  br i1 %more, label %loop, label %end
-end:
-{chr(10).join(sums)}
-  store {V} %s{chains - 1}, ptr %p, align 8
-  ret void
-}}
-declare {V} @llvm.fma.v{lanes}f64({V}, {V}, {V})
-"""
-    engine = on.load([on.object_code(text)])
-    work_function = ctypes.CFUNCTYPE(None, ctypes.c_int64, ctypes.c_void_p)(engine.get_function_address("work"))
-    numbers, count = np.zeros(lanes), 200_000
-    taken = turns({"peak": timed(lambda: work_function(count, numbers.ctypes.data))})
-    return 2.0 * lanes * chains * count / median(taken, "peak")
+    return limits.flops(schedule(tape.graph, tape.outputs, None, 8).operations())
 
 
 def throughput(native: bool) -> None:
     """`forward_dynamics` on 4096 states, float64, one thread."""
-    most = peak()
+    most = limits.peak()
     print(f"\nThis core does at most {most * 1e-9:.0f} GF/s. Nanoseconds per state:\n")
     print("| rig | dof | articulated | of the peak | `abaInParallel` | ratio | Pinocchio, native | ratio |")
     print("|---|---|---|---|---|---|---|---|")
@@ -348,6 +313,7 @@ TABLES = {
     "loop_growth": loop_growth,
     "pairs": pairs_of_bodies,
     "two_ragdolls": two_ragdolls,
+    "particles": particles,
 }
 ALL_CORES = os.sched_getaffinity(0)
 

@@ -71,7 +71,18 @@ def setting() -> str:
     on = machine()
     lines = [f"{processor()}, {on.name} ({on.cpu}), Python {platform.python_version()}, {platform.system()}"]
     packages = []
-    for name in ("articulated", "llvmlite", "numpy", "pin", "mujoco", "example-robot-data"):
+    for name in (
+        "articulated",
+        "llvmlite",
+        "numpy",
+        "pin",
+        "mujoco",
+        "example-robot-data",
+        "scipy",
+        "numba",
+        "warp-lang",
+        "taichi",
+    ):
         try:
             packages.append(f"{name} {version(name)}")
         except PackageNotFoundError:

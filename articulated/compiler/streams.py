@@ -89,7 +89,7 @@ def _module(stream: Stream, work: Straight, f: Format) -> str:
         with text.loop(turns, text.V, [*loaded[: stream.carried], *numbers]) as turn:
             begun = [*turn.values[: stream.carried], *loaded[stream.carried :], *turn.values[stream.carried :]]
             turn.following = work.written(text, dict(zip(work.inputs, begun, strict=True)))
-        for place, x in zip(at, turn.values, strict=False):
+        for place, x in zip(at[: stream.carried], turn.values, strict=False):
             text.do(f"store {text.V} {x}, ptr {place}, align {f.vector_bytes}")
     arguments = "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile"
     return module_of([text.function("i64", "kernel", arguments, "0", linkage="")], f)
