@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from articulated.particles.colliders import LIFT, NEAR, Collider
-from articulated.scalar import Scalar, either, maximum, sqrt, where
+from articulated.scalar import Scalar, either, given, inverse_sqrt, maximum, where
 from articulated.spatial import Vec3
 
 _TINY = 1e-30
@@ -35,34 +35,44 @@ def collided(
         lag: by how much of a step velocities belong to an earlier moment.
     """
     for collider in colliders:
-        a = (new_v - v) * (1.0 / h)
         s, hits = collider.crossing(t, h, x, new_x)
-        at, speed = x + (new_x - x) * s, v + (new_v - v) * s
-        rest, then = (1.0 - s) * h, t + s * h
-        _, n = collider.gap(then, at)
-        surface = collider.velocity(then, at)
-        relative = speed - surface
-        late = where(n.dot(x - at) > NEAR, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
-        normal = n.dot(relative) + late
-        incoming = maximum(-normal, 0.0)
-        along = _slowed(relative - n * n.dot(relative), collider.friction * (1.0 + collider.restitution) * incoming)
-        leaving, pressing = collider.restitution * incoming, -n.dot(a)
-        stays = (2.0 * leaving <= pressing * rest) & (pressing >= 0.0)
-        # it stays on the surface
-        drift = along + (a - n * n.dot(a)) * rest
-        resting = _slowed(drift, collider.friction * pressing * rest)
-        rested = at + (along + resting) * (0.5 * rest) + surface * rest
-        # it leaves
-        flying = along + n * leaving
-        flown = at + (flying + surface) * rest + a * (0.5 * rest * rest)
-        after = either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
-        new_x, new_v = either(hits, after, (new_x, new_v))
+
+        def after(collider: Collider = collider, s: Scalar = s, new: tuple[Vec3, Vec3] = (new_x, new_v)) -> tuple[Vec3, Vec3]:
+            return _met(collider, t, h, (x, v), new, s, lag)
+
+        new_x, new_v = given(hits, after, (new_x, new_v))
         gap, n = collider.gap(t + h, new_x)
         new_x = new_x + n * where(gap < 0.0, LIFT - gap, 0.0)
     return new_x, new_v
 
 
+def _met(
+    collider: Collider, t: Scalar, h: Scalar, old: tuple[Vec3, Vec3], new: tuple[Vec3, Vec3], s: Scalar, lag: float
+) -> tuple[Vec3, Vec3]:
+    """As `collided`, of what meets a collider."""
+    (x, v), (new_x, new_v) = old, new
+    a = (new_v - v) * (1.0 / h)
+    at, speed = x + (new_x - x) * s, v + (new_v - v) * s
+    rest, then = (1.0 - s) * h, t + s * h
+    _, n = collider.gap(then, at)
+    surface = collider.velocity(then, at)
+    relative = speed - surface
+    late = where(n.dot(x - at) > NEAR, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
+    normal = n.dot(relative) + late
+    incoming = maximum(-normal, 0.0)
+    along = _slowed(relative - n * n.dot(relative), collider.friction * (1.0 + collider.restitution) * incoming)
+    leaving, pressing = collider.restitution * incoming, -n.dot(a)
+    stays = (2.0 * leaving <= pressing * rest) & (pressing >= 0.0)
+    # it stays on the surface
+    drift = along + (a - n * n.dot(a)) * rest
+    resting = _slowed(drift, collider.friction * pressing * rest)
+    rested = at + (along + resting) * (0.5 * rest) + surface * rest
+    # it leaves
+    flying = along + n * leaving
+    flown = at + (flying + surface) * rest + a * (0.5 * rest * rest)
+    return either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
+
+
 def _slowed(v: Vec3, by: Scalar) -> Vec3:
     """A velocity after friction took so much of its speed, all of it if there is less."""
-    speed = sqrt(maximum(v.dot(v), _TINY))
-    return v * maximum(1.0 - by / speed, 0.0)
+    return v * maximum(1.0 - by * inverse_sqrt(maximum(v.dot(v), _TINY)), 0.0)
