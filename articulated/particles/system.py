@@ -206,14 +206,28 @@ class System:
 
         Raises:
             ValueError: the step has no length, there is no such solver, or the number of steps is none.
+            FloatingPointError: numbers are no longer finite: the step is too long for what acts.
+
+        What raises leaves the system as it was.
         """
         h, method = positive("h", h), ImplicitEuler() if solver == "implicit_euler" else solver
         if not isinstance(steps, int) or steps < 0:
             raise ValueError(f"steps is {steps!r}; expected a whole number")
+        if not isinstance(method, ImplicitEuler) and method not in EXPLICIT:
+            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
+        before = self.x, self.v, self.time
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                residual = self._advance(h, method, steps, threads)
+            self._check_finite(h, solver, steps, before[2])
+        except Exception:
+            self.x, self.v, self.time = before
+            raise
+        return residual
+
+    def _advance(self, h: float, method: Any, steps: int, threads: int | None) -> float:
         if isinstance(method, ImplicitEuler):
             return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
-        if method not in EXPLICIT:
-            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
         if are_alone(self.forces):
             alone.advance(self, h, steps, method, threads)
         elif are_laws(self.forces, method):
@@ -223,6 +237,17 @@ class System:
                 x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)
                 self._arrive(h, x, v, LAGS[method])
         return 0.0
+
+    def _check_finite(self, h: float, solver: Any, steps: int, start: float) -> None:
+        """That no numbers have overflowed since some time."""
+        if np.isfinite(self.x).all() and np.isfinite(self.v).all():
+            return
+        lost = np.flatnonzero(~np.isfinite(np.hstack([self.x, self.v])).all(axis=1))
+        raise FloatingPointError(
+            f"{len(lost)} of {len(self.x)} particles, the first of them {lost[0]}, have no finite place or velocity after "
+            f"{steps} steps of {h:g} s by {solver!r} from t = {start:g} s; the system is as it was then: "
+            "take shorter steps, or solver='implicit_euler' if forces are stiff"
+        )
 
     def _implicit(self, h: float, method: ImplicitEuler) -> float:
         x, v, residual = method.step(self, h)
