@@ -17,12 +17,14 @@ from articulated.particles.forces.own import OwnForce, OwnLaw
 from articulated.particles.forces.pressure import TriangleWind
 from articulated.particles.forces.springs import Springs
 from articulated.particles.points import Point
+from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.system import SOLVERS, System
 
 __all__ = [
     "SOLVERS",
     "Acceleration",
+    "Adaptive",
     "Bending",
     "Box",
     "Capsule",

@@ -15,11 +15,13 @@ from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import vectors
+from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.together import are_laws
 
-SOLVERS = (*EXPLICIT, "implicit_euler")
+_OTHERS = {"implicit_euler": ImplicitEuler, "adaptive": Adaptive}
+SOLVERS = (*EXPLICIT, *_OTHERS)
 
 
 class System:
@@ -191,13 +193,13 @@ class System:
         return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
 
     def step(
-        self, h: float, solver: str | ImplicitEuler = "semi_implicit", steps: int = 1, threads: int | None = None
+        self, h: float, solver: str | ImplicitEuler | Adaptive = "semi_implicit", steps: int = 1, threads: int | None = None
     ) -> float:
         """Go on by a step, or several.
 
         Args:
             h: its length [s].
-            solver: the name of one of `SOLVERS`, or an `ImplicitEuler`.
+            solver: the name of one of `SOLVERS`, or an `ImplicitEuler` or `Adaptive`.
             steps: how many.
             threads: how many may share the work; None is as many as are useful.
 
@@ -207,14 +209,16 @@ class System:
         Raises:
             ValueError: the step has no length, there is no such solver, or the number of steps is none.
             FloatingPointError: numbers are no longer finite: the step is too long for what acts.
+            ArithmeticError: an adaptive solver needs more steps than it may take, or shorter ones than there are.
 
         What raises leaves the system as it was.
         """
-        h, method = positive("h", h), ImplicitEuler() if solver == "implicit_euler" else solver
+        h, method = positive("h", h), _OTHERS[solver]() if isinstance(solver, str) and solver in _OTHERS else solver
         if not isinstance(steps, int) or steps < 0:
             raise ValueError(f"steps is {steps!r}; expected a whole number")
-        if not isinstance(method, ImplicitEuler) and method not in EXPLICIT:
-            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
+        if not isinstance(method, tuple(_OTHERS.values())) and method not in EXPLICIT:
+            others = ", ".join(f"{kind.__name__}(…)" for kind in _OTHERS.values())
+            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or one of {others}")
         before = self.x, self.v, self.time
         try:
             with np.errstate(over="ignore", invalid="ignore"):
@@ -228,6 +232,8 @@ class System:
     def _advance(self, h: float, method: Any, steps: int, threads: int | None) -> float:
         if isinstance(method, ImplicitEuler):
             return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
+        if isinstance(method, Adaptive):
+            return max((method.advance(self, h) for _ in range(steps)), default=0.0)
         if are_alone(self.forces):
             alone.advance(self, h, steps, method, threads)
         elif are_laws(self.forces, method):
@@ -235,7 +241,7 @@ class System:
         else:
             for _ in range(steps):
                 x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)
-                self._arrive(h, x, v, LAGS[method])
+                self.arrive(h, x, v, LAGS[method])
         return 0.0
 
     def _check_finite(self, h: float, solver: Any, steps: int, start: float) -> None:
@@ -251,10 +257,10 @@ class System:
 
     def _implicit(self, h: float, method: ImplicitEuler) -> float:
         x, v, residual = method.step(self, h)
-        self._arrive(h, x, v, 0.0)
+        self.arrive(h, x, v, 0.0)
         return residual
 
-    def _arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
+    def arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
         """Where a step would have led, unless something was in the way."""
         if self.colliders:
             here = [vectors(part) for part in (self.x, self.v, x, v)]
