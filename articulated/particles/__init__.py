@@ -19,10 +19,12 @@ from articulated.particles.forces.springs import Springs
 from articulated.particles.points import Point
 from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.solvers.xpbd import XPBD
 from articulated.particles.system import SOLVERS, System
 
 __all__ = [
     "SOLVERS",
+    "XPBD",
     "Acceleration",
     "Adaptive",
     "Bending",

@@ -18,9 +18,10 @@ from articulated.particles.points import vectors
 from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.solvers.xpbd import XPBD
 from articulated.particles.together import are_laws
 
-_OTHERS = {"implicit_euler": ImplicitEuler, "adaptive": Adaptive}
+_OTHERS = {"implicit_euler": ImplicitEuler, "adaptive": Adaptive, "xpbd": XPBD}
 SOLVERS = (*EXPLICIT, *_OTHERS)
 
 
@@ -193,18 +194,23 @@ class System:
         return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
 
     def step(
-        self, h: float, solver: str | ImplicitEuler | Adaptive = "semi_implicit", steps: int = 1, threads: int | None = None
+        self,
+        h: float,
+        solver: str | ImplicitEuler | Adaptive | XPBD = "semi_implicit",
+        steps: int = 1,
+        threads: int | None = None,
     ) -> float:
         """Go on by a step, or several.
 
         Args:
             h: its length [s].
-            solver: the name of one of `SOLVERS`, or an `ImplicitEuler` or `Adaptive`.
+            solver: the name of one of `SOLVERS`, or an `ImplicitEuler`, `Adaptive` or `XPBD`.
             steps: how many.
             threads: how many may share the work; None is as many as are useful.
 
         Returns:
-            By how much the last turn of an implicit solver changed velocities, at most [m/s]; zero of others.
+            By how much the last turn of an implicit solver changed velocities, or another pass of XPBD would change them, at
+            most [m/s]; zero of others.
 
         Raises:
             ValueError: the step has no length, there is no such solver, or the number of steps is none.
@@ -232,7 +238,7 @@ class System:
     def _advance(self, h: float, method: Any, steps: int, threads: int | None) -> float:
         if isinstance(method, ImplicitEuler):
             return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
-        if isinstance(method, Adaptive):
+        if isinstance(method, (Adaptive, XPBD)):
             return max((method.advance(self, h) for _ in range(steps)), default=0.0)
         if are_alone(self.forces):
             alone.advance(self, h, steps, method, threads)
