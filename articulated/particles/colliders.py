@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -29,10 +29,12 @@ class Collider(ABC):
     Attributes:
         restitution: k_r: what comes in with a speed leaves with this part of it, from 0 to 1.
         friction: μ, Coulomb's.
+        compiles: whether machine code can ask it; of all of a kind.
     """
 
     restitution: float
     friction: float
+    compiles: ClassVar[bool] = True
 
     def _check_surface(self) -> None:
         name = type(self).__name__
@@ -60,6 +62,10 @@ class Collider(ABC):
             s = minimum(s + where(gap > NEAR, gap - LIFT, 0.0) * rate, 1.0)
         gap, n = self.gap(t + s * h, x + way * s)
         return s, (gap <= NEAR) & (n.dot(way) < NEAR)
+
+    def onward(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> Vec3:
+        """Where what leaves its surface at x for y comes to: to y, unless it is hollow and is met again."""
+        return y
 
 
 @dataclass(frozen=True, eq=False)

@@ -56,7 +56,7 @@ def collided(
         flying = along + n * leaving
         flown = at + (flying + surface) * rest + a * (0.5 * rest * rest)
         after = either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
-        new_x, new_v = either(hits, after, (new_x, new_v))
+        new_x, new_v = either(hits, (collider.onward(then, rest, at, after[0]), after[1]), (new_x, new_v))
         gap, n = collider.gap(t + h, new_x)
         new_x = new_x + n * where(gap < 0.0, LIFT - gap, 0.0)
     return new_x, new_v

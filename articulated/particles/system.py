@@ -240,9 +240,9 @@ class System:
             return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
         if isinstance(method, (Adaptive, XPBD)):
             return max((method.advance(self, h) for _ in range(steps)), default=0.0)
-        if are_alone(self.forces):
+        if are_alone(self.forces, self.colliders):
             alone.advance(self, h, steps, method, threads)
-        elif are_laws(self.forces, method):
+        elif are_laws(self.forces, method, self.colliders):
             together.advance(self, h, steps, method)
         else:
             for _ in range(steps):
