@@ -17,13 +17,18 @@ from articulated.particles.forces.gravity import Acceleration, Gravity
 from articulated.particles.forces.own import OwnForce, OwnLaw
 from articulated.particles.forces.pressure import TriangleWind
 from articulated.particles.forces.springs import Springs
+from articulated.particles.height_field import HeightField
 from articulated.particles.points import Point
+from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.solvers.xpbd import XPBD
 from articulated.particles.system import SOLVERS, System
 
 __all__ = [
     "SOLVERS",
+    "XPBD",
     "Acceleration",
+    "Adaptive",
     "Attached",
     "Bending",
     "Box",
@@ -33,6 +38,7 @@ __all__ = [
     "Fabric",
     "Force",
     "Gravity",
+    "HeightField",
     "ImplicitEuler",
     "Law",
     "OwnForce",

@@ -10,6 +10,7 @@ import numpy as np
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
 from articulated.compiler.streams import Stream, planes, stream_kernel
+from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
@@ -18,9 +19,10 @@ from articulated.scalar import Scalar, either
 from articulated.spatial import Vec3
 
 
-def are_alone(forces: Sequence[Force]) -> bool:
+def are_alone(forces: Sequence[Force], colliders: Sequence[Collider] = ()) -> bool:
     """Whether machine code can take each particle for itself."""
-    return not interpreting() and all(isinstance(force, Law) and force.particles is None for force in forces)
+    laws = all(isinstance(force, Law) and force.particles is None for force in forces)
+    return not interpreting() and laws and all(collider.compiles for collider in colliders)
 
 
 def advance(system: Any, h: float, steps: int, solver: str, threads: int | None) -> None:

@@ -2,13 +2,14 @@
 
 A collider is known by how far a point is from it and which way is out. So a particle on its way cannot pass through one unseen,
 however fast: steps along its path as long as the distance that is left never go past the surface (Hart, Sphere Tracing, 1996).
+Nor do steps to the plane that touches a convex one, by Newton's method, which get on where the way grazes the surface, too.
 """
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from articulated.particles.check import numbers, positive, settle, vector
 from articulated.scalar import Scalar, absolute, maximum, minimum, sqrt, where
 from articulated.spatial import Mat3, Vec3
 
-_MARCHES = 24
+_MARCHES, _CONVEX_MARCHES = 24, 12
 """Steps along a path; those that graze a surface take most."""
 NEAR, LIFT = 1e-9, 1e-10
 """What is nearer to a surface than this has reached it, and is put so far above it: no rounding takes it away again [m]."""
@@ -29,10 +30,14 @@ class Collider(ABC):
     Attributes:
         restitution: k_r: what comes in with a speed leaves with this part of it, from 0 to 1.
         friction: μ, Coulomb's.
+        compiles: whether machine code can ask it; of all of a kind.
+        convex: whether it is known to be; of all of a kind.
     """
 
     restitution: float
     friction: float
+    compiles: ClassVar[bool] = True
+    convex: ClassVar[bool] = False
 
     def _check_surface(self) -> None:
         name = type(self).__name__
@@ -50,16 +55,25 @@ class Collider(ABC):
         return Vec3.zero()
 
     def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> tuple[Scalar, Scalar]:
-        """Where a way from x to y, from time t to t + h, first meets it: the part of the way, and whether it does."""
+        """Where a way from x to y, from time t to t + h, first meets it: the part of the way, and whether it does.
+
+        What is convex is behind the plane that touches it, square to the normal: so far steps may go, farther than the gap.
+        """
         way = y - x
         length = sqrt(way.dot(way))
-        rate = 1.0 / where(length > _TINY, length, 1.0)
         s = 0.0 * length
-        for _ in range(_MARCHES):
-            gap, _ = self.gap(t + s * h, x + way * s)
-            s = minimum(s + where(gap > NEAR, gap - LIFT, 0.0) * rate, 1.0)
+        for _ in range(_CONVEX_MARCHES if self.convex else _MARCHES):
+            gap, n = self.gap(t + s * h, x + way * s)
+            nearing = -n.dot(way) if self.convex else length
+            nears = nearing > _TINY
+            step = where(nears, (gap - LIFT) / where(nears, nearing, 1.0), 1.0)
+            s = minimum(s + where(gap > NEAR, step, 0.0), 1.0)
         gap, n = self.gap(t + s * h, x + way * s)
         return s, (gap <= NEAR) & (n.dot(way) < NEAR)
+
+    def onward(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> Vec3:
+        """Where what leaves its surface at x for y comes to: to y, unless it is hollow and is met again."""
+        return y
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +120,7 @@ class Sphere(Collider):
     radius: float
     restitution: float = 0.0
     friction: float = 0.0
+    convex: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         settle(self, center=vector("Sphere: center", self.center), radius=positive("Sphere: radius", self.radius))
@@ -129,6 +144,7 @@ class Capsule(Collider):
     radius: float
     restitution: float = 0.0
     friction: float = 0.0
+    convex: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         settle(self, ends=numbers("Capsule: ends", self.ends, (2, 3)), radius=positive("Capsule: radius", self.radius))
@@ -158,6 +174,7 @@ class Box(Collider):
     axes: Any = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
     restitution: float = 0.0
     friction: float = 0.0
+    convex: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         center, size, axes = (

@@ -70,7 +70,8 @@ def _met(
     # it leaves
     flying = along + n * leaving
     flown = at + (flying + surface) * rest + a * (0.5 * rest * rest)
-    return either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
+    there, then_v = either(stays, (rested, resting + surface), (flown, flying + surface + a * rest - n * late))
+    return collider.onward(then, rest, at, there), then_v
 
 
 def _slowed(v: Vec3, by: Scalar) -> Vec3:

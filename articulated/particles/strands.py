@@ -250,7 +250,8 @@ class Strands:
 
 def are_strands(system: Any) -> bool:
     """Whether machine code can take a system's linear implicit steps."""
-    return not interpreting() and system.chains is not None and all(isinstance(force, Law) for force in system.forces)
+    laws = all(isinstance(force, Law) for force in system.forces)
+    return not interpreting() and system.chains is not None and laws
 
 
 def advance(system: Any, h: float, steps: int, threads: int | None) -> None:

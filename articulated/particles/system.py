@@ -18,12 +18,15 @@ from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import vectors
 from articulated.particles.shown import segments, triangles
+from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.solvers.xpbd import XPBD
 from articulated.particles.together import are_laws
 from articulated.trajectory import Cloud
 
-SOLVERS = (*EXPLICIT, "implicit_euler")
+_OTHERS = {"implicit_euler": ImplicitEuler, "adaptive": Adaptive, "xpbd": XPBD}
+SOLVERS = (*EXPLICIT, *_OTHERS)
 
 
 class System:
@@ -203,41 +206,63 @@ class System:
         return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
 
     def step(
-        self, h: float, solver: str | ImplicitEuler = "semi_implicit", steps: int = 1, threads: int | None = None
+        self,
+        h: float,
+        solver: str | ImplicitEuler | Adaptive | XPBD = "semi_implicit",
+        steps: int = 1,
+        threads: int | None = None,
     ) -> float:
         """Go on by a step, or several.
 
         Args:
             h: its length [s].
-            solver: the name of one of `SOLVERS`, or an `ImplicitEuler`.
+            solver: the name of one of `SOLVERS`, or an `ImplicitEuler`, `Adaptive` or `XPBD`.
             steps: how many.
             threads: how many may share the work; None is as many as are useful.
 
         Returns:
             By how much the last turn of an implicit solver changed velocities, or, if it takes one turn only, what this left
-            of its equation: at most of all steps [m/s]; zero of others.
+            of its equation; by how much another pass of XPBD would change them: at most of all steps [m/s]. Zero of others.
 
         Raises:
             ValueError: the step has no length, there is no such solver, or the number of steps is none.
+            FloatingPointError: numbers are no longer finite: the step is too long for what acts.
+            ArithmeticError: an adaptive solver needs more steps than it may take, or shorter ones than there are.
+
+        What raises leaves the system as it was.
         """
-        h, method = positive("h", h), ImplicitEuler() if solver == "implicit_euler" else solver
+        h, method = positive("h", h), _OTHERS[solver]() if isinstance(solver, str) and solver in _OTHERS else solver
         if not isinstance(steps, int) or steps < 0:
             raise ValueError(f"steps is {steps!r}; expected a whole number")
+        if not isinstance(method, tuple(_OTHERS.values())) and method not in EXPLICIT:
+            others = ", ".join(f"{kind.__name__}(…)" for kind in _OTHERS.values())
+            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or one of {others}")
+        before = self.x, self.v, self.time
+        try:
+            with np.errstate(over="ignore", invalid="ignore"):
+                residual = self._advance(h, method, steps, threads)
+            self._check_finite(h, solver, steps, before[2])
+        except Exception:
+            self.x, self.v, self.time = before
+            raise
+        return residual
+
+    def _advance(self, h: float, method: Any, steps: int, threads: int | None) -> float:
         if isinstance(method, ImplicitEuler):
             if method.turns == 1 and strands.are_strands(self):
                 strands.advance(self, h, steps, threads)
                 return 0.0
             return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
-        if method not in EXPLICIT:
-            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or an ImplicitEuler(…)")
-        if are_alone(self.forces):
+        if isinstance(method, (Adaptive, XPBD)):
+            return max((method.advance(self, h) for _ in range(steps)), default=0.0)
+        if are_alone(self.forces, self.colliders):
             alone.advance(self, h, steps, method, threads)
-        elif are_laws(self.forces, method):
+        elif are_laws(self.forces, method, self.colliders):
             together.advance(self, h, steps, method)
         else:
             for _ in range(steps):
                 x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)
-                self._arrive(h, x, v, LAGS[method])
+                self.arrive(h, x, v, LAGS[method])
         return 0.0
 
     def run(
@@ -278,12 +303,23 @@ class System:
             x[k], v[k], energy[k] = self.x, self.v, self.energy()
         return Cloud(start + np.arange(frames + 1) / fps, x, v, energy, segments(self.forces), triangles(self.forces))
 
+    def _check_finite(self, h: float, solver: Any, steps: int, start: float) -> None:
+        """That no numbers have overflowed since some time."""
+        if np.isfinite(self.x).all() and np.isfinite(self.v).all():
+            return
+        lost = np.flatnonzero(~np.isfinite(np.hstack([self.x, self.v])).all(axis=1))
+        raise FloatingPointError(
+            f"{len(lost)} of {len(self.x)} particles, the first of them {lost[0]}, have no finite place or velocity after "
+            f"{steps} steps of {h:g} s by {solver!r} from t = {start:g} s; the system is as it was then: "
+            "take shorter steps, or solver='implicit_euler' if forces are stiff"
+        )
+
     def _implicit(self, h: float, method: ImplicitEuler) -> float:
         x, v, residual = method.step(self, h)
-        self._arrive(h, x, v, 0.0)
+        self.arrive(h, x, v, 0.0)
         return residual
 
-    def _arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
+    def arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
         """Where a step would have led, unless something was in the way."""
         if self.colliders:
             here = [vectors(part) for part in (self.x, self.v, x, v)]

@@ -11,6 +11,7 @@ from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
 from articulated.compiler.meshes import ROW, SUM, Elements, Mesh, MeshKernel
 from articulated.compiler.streams import on_a_line
+from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
@@ -24,9 +25,10 @@ ONE_STAGE = ("euler", "semi_implicit")
 Scalars = Sequence[Scalar]
 
 
-def are_laws(forces: Sequence[Force], solver: str) -> bool:
+def are_laws(forces: Sequence[Force], solver: str, colliders: Sequence[Collider] = ()) -> bool:
     """Whether machine code can take all of them, and the method."""
-    return not interpreting() and solver in ONE_STAGE and all(isinstance(force, Law) for force in forces)
+    known = all(isinstance(force, Law) for force in forces) and all(collider.compiles for collider in colliders)
+    return not interpreting() and solver in ONE_STAGE and known
 
 
 def advance(system: Any, h: float, steps: int, solver: str) -> None:

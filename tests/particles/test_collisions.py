@@ -89,6 +89,16 @@ def test_nothing_fast_passes_through(name):
 
 
 @pytest.mark.parametrize("name", THIN)
+def test_nothing_passes_through_what_it_grazes(name, rng):
+    """Down by less than two centimetres on a way of 38: nearer than that all along, no headway for who knows the gap alone."""
+    for down in np.linspace(0.004, 0.02, 7):
+        system = ap.System([(-0.19, 0, 0.001)], [(38.0, 0, -100.0 * down)], 1.0, colliders=[THIN[name]])
+        system.step(0.01)
+        assert system.v[0, 2] > 0.0
+        assert system.x[0, 2] > 0.0
+
+
+@pytest.mark.parametrize("name", THIN)
 def test_gaps_are_distances(name, rng):
     """They grow by a metre a metre along the normal, which is the gradient."""
     collider, e = THIN[name], 1e-6

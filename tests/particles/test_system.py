@@ -149,6 +149,36 @@ class TestWhatIsKept:
             assert (system.x[[1, 2, 3]] != x[[1, 2, 3]]).any()
 
 
+@pytest.mark.parametrize("solver", ORDERS)
+@pytest.mark.parametrize("how", ["compiled", "interpreted", "between two"])
+def test_what_blows_up_is_told_and_nothing_is_lost(solver, how, monkeypatch):
+    if how == "interpreted":
+        monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
+    x, v = np.array([(0.0, 0, 0), (1.0, 0, 0)]), np.array([(0.0, 0, 0), (0.5, 0.1, 0)])
+    stiff = ap.Springs([(0, 1)], 1e6, 0.0, 0.9) if how == "between two" else ap.Drag([0.0, 1e6])
+    system = ap.System(x, v, 1.0, [ap.Gravity(), stiff], time=2.0)
+    told = rf"[12] of 2 particles, the first of them [01], have no .* after 400 steps of 0.1 s by '{solver}' from t = 2 s; the system"
+    with pytest.raises(FloatingPointError, match=told + r" is as it was then: take shorter steps, or solver='implicit_euler'"):
+        system.step(0.1, solver, 400)
+    np.testing.assert_array_equal(system.state, np.concatenate([x.ravel(), v.ravel()]))
+    assert system.time == 2.0
+    system.step(0.1, "implicit_euler", 4)  # it goes on from there
+    assert system.time == pytest.approx(2.4)
+
+
+def test_what_a_force_raises_loses_nothing():
+    def late(t, x, v, mass):
+        if t > 0.25:
+            raise KeyError("no wind after that")
+        return np.zeros_like(x)
+
+    system = ap.System([(0, 0, 0)], [(1.0, 0, 0)], forces=[ap.OwnForce(late)])
+    with pytest.raises(KeyError):
+        system.step(0.1, "rk4", 5)
+    assert system.time == 0.0
+    np.testing.assert_array_equal(system.x, [(0, 0, 0)])
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
@@ -170,7 +200,7 @@ class TestWhatIsKept:
         (lambda: ap.System(np.zeros((2, 3))).step(0.0), r"h is 0; expected a number above zero"),
         (
             lambda: ap.System(np.zeros((2, 3))).step(0.1, "rk5"),
-            r"solver is 'rk5'; expected one of euler, semi_implicit, midpoint, rk4, implicit_euler, or an",
+            r"solver is 'rk5'; expected one of euler, semi_implicit, midpoint, rk4, implicit_euler, adaptive, xpbd, or one of ImplicitEuler",
         ),
         (lambda: setattr(ap.System(np.zeros((2, 3))), "state", np.zeros(6)), r"state has shape \(6,\); expected \(12,\)"),
     ],
