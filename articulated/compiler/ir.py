@@ -143,6 +143,17 @@ class Text:
         """LLVM's function of vectors: fma, sqrt, fabs."""
         return self.let(f"call {self.V} @llvm.{name}.{self.f.suffix}({', '.join(f'{self.V} {x}' for x in operands)})")
 
+    def marked(self, mark: str, numbers: Sequence[str]) -> str:
+        """A vector of zeros, or of what is not a number where any of these was not finite."""
+        for x in numbers:
+            nothing = self.let(f"fmul {self.V} {x}, zeroinitializer")
+            mark = self.let(f"fadd {self.V} {mark}, {nothing}")
+        return mark
+
+    def flag(self, mark: str, flag: int) -> str:
+        """This flag if a mark has what is not a number in some lane, else 0."""
+        return self.integer("mul", self.any(self.let(f"fcmp uno {self.V} {mark}, {mark}")), flag)
+
     def shuffle(self, kind: str, a: str, b: str, picks: Sequence[int]) -> str:
         numbers = f"<{len(picks)} x i32> <{', '.join(f'i32 {k}' for k in picks)}>"
         return self.let(f"shufflevector {kind} {a}, {kind} {b}, {numbers}")

@@ -20,7 +20,7 @@ import numpy as np
 from articulated.compiler.graph import operands
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.kernels import Kernel, kept
-from articulated.compiler.lowering import module_of
+from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
 from articulated.compiler.straight import Straight
 from articulated.compiler.transfers import transposed
 from articulated.scalar import Scalar
@@ -100,8 +100,8 @@ class MeshKernel:
         elements: Sequence[tuple[np.ndarray, Sequence[np.ndarray]]],
         numbers: np.ndarray,
         steps: int,
-    ) -> None:
-        """Take steps.
+    ) -> int:
+        """Take steps; a flag tells of numbers that are not finite.
 
         Args:
             rows: of nodes, shape (n, 8), n a whole number of lanes, on a line of the cache.
@@ -116,7 +116,7 @@ class MeshKernel:
         for nodes, given in elements:
             arrays += [nodes, *given]
         counts = [len(rows) // self.lanes, *(len(nodes) for nodes, _ in elements)]
-        self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, [steps, *counts])
+        return self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, [steps, *counts])
 
 
 def _passes(mesh: Mesh, single: bool) -> list[Straight]:
@@ -187,25 +187,28 @@ class _Writer:
         steps, blocks, *counts = (t.word("%table", first + k) for k in range(2 + len(mesh.elements)))
         f = self.f
         start = [t.spread(t.load(t.at(numbers, k * f.bytes), f.number, f.bytes)) for k in range(mesh.numbers)]
-        with t.loop(steps, t.V, start) as step:
+        with t.loop(steps, t.V, [*start, "zeroinitializer"]) as step:
+            numbers = step.values[:-1]
             with t.loop(blocks) as block:
                 here = self._nodes(rows, block.k)
-                done = self._work(begin, [*self._row(here), *self._constants(constants, block.k), *step.values])
+                done = self._work(begin, [*self._row(here), *self._constants(constants, block.k), *numbers])
                 places = self._nodes(sums, block.k, SUM)
                 for place, parts in zip(places, self._as_rows(done), strict=True):
                     self._put(place, parts)
             for (nodes, given), law, one, some in zip(elements, mesh.elements, laws, counts, strict=True):
                 with t.loop(some) as block:
-                    self._act(law, one, rows, sums, nodes, self._constants(given, block.k), block.k, step.values)
-            with t.loop(blocks) as block:
+                    self._act(law, one, rows, sums, nodes, self._constants(given, block.k), block.k, numbers)
+            with t.loop(blocks, t.V, step.values[-1:]) as block:
                 here = self._nodes(rows, block.k)
                 done = self._columns([self._take(place) for place in self._nodes(sums, block.k, SUM)])[:3]
-                new = self._work(end, [*self._row(here), *done, *self._constants(constants, block.k), *step.values])
+                new = self._work(end, [*self._row(here), *done, *self._constants(constants, block.k), *numbers])
                 for k in range(0, ROW, f.lanes):
                     for place, x in zip(here, transposed(t, new[k : k + f.lanes]), strict=True):
                         t.do(f"store {t.V} {x}, ptr {t.at(place, k * f.bytes)}, align {f.vector_bytes}")
-            step.following = self._work(go_on, step.values)
-        kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", "0", linkage="")
+                block.following = [t.marked(block.values[0], new)]
+            step.following = [*self._work(go_on, numbers), *block.values]
+        flags = t.flag(step.values[-1], NOT_FINITE_OUT)
+        kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", flags, linkage="")
         return module_of([kernel], f)
 
     def _act(

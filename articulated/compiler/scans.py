@@ -19,7 +19,7 @@ import numpy as np
 
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.kernels import Kernel, kept
-from articulated.compiler.lowering import module_of
+from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
 from articulated.compiler.straight import Straight
 from articulated.compiler.streams import on_a_line
 from articulated.scalar import Scalar
@@ -91,10 +91,9 @@ class Chained:
 
         def laid(given: np.ndarray) -> np.ndarray:
             array = on_a_line((blocks, scan.length, given.shape[2], lanes))
-            for k in range(given.shape[2]):
-                plane = np.zeros((blocks * lanes, scan.length))
-                plane[:chains], plane[chains:] = given[:, :, k], given[-1:, :, k] if chains else 0.0
-                array[:, :, k] = plane.reshape(blocks, lanes, scan.length).transpose(0, 2, 1)
+            whole = np.zeros((blocks * lanes, *given.shape[1:]))
+            whole[:chains], whole[chains:] = given, given[-1:] if chains else 0.0
+            array[:] = whole.reshape(blocks, lanes, *given.shape[1:]).transpose(0, 2, 3, 1)
             return array
 
         rooted = scan.root is not None
@@ -147,9 +146,9 @@ class ScanKernel:
 
         return Kernel(scan.name, f, on, *kept(scan.name, f, on, content, build))
 
-    def turns(self, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> None:
-        """Inwards and outwards, so often."""
-        self._call("both", chained, numbers, turns, threads)
+    def turns(self, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> int:
+        """Inwards and outwards, so often; a flag tells of numbers that are not finite."""
+        return self._call("both", chained, numbers, turns, threads)
 
     def inwards(self, chained: Chained, numbers: np.ndarray, threads: int | None) -> np.ndarray:
         """To the root: results, shape (blocks, results, lanes)."""
@@ -160,9 +159,9 @@ class ScanKernel:
         """From the root, with what is passed on in `chained.ends`."""
         self._call("out", chained, numbers, 1, threads)
 
-    def _call(self, part: str, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> None:
+    def _call(self, part: str, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> int:
         arrays = [(array, 0, 0, None) for array in (chained.carried, chained.fixed, chained.kept, chained.ends, numbers)]
-        self._kernels[part](arrays, len(chained.carried) * self.lanes, threads, [turns], turns)
+        return self._kernels[part](arrays, len(chained.carried) * self.lanes, threads, [turns], turns)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,7 +224,7 @@ class _Writer:
         turns = t.word("%table", 4 * next(at))
         first = t.integer("sdiv", "%begin", f.lanes)
         blocks = t.integer("sdiv", t.integer("sub", "%end", "%begin"), f.lanes)
-        with t.loop(blocks) as block:
+        with t.loop(blocks, t.V, ["zeroinitializer"]) as block:
             here = t.integer("add", first, block.k)
 
             def own(base: str, numbers: int, here: str = here) -> str:
@@ -233,20 +232,24 @@ class _Writer:
 
             rows = own(carried, scan.length * scan.carried), own(fixed, scan.length * scan.fixed)
             if part == "both":
-                with t.loop(turns, t.V, start) as turn:
-                    self._inwards(rows, "%scratch", turn.values, 0)
-                    self._outwards(rows, "%scratch", turn.values, 0, ["zeroinitializer"] * scan.passed)
-                    turn.following = self._done(self.work.go_on, turn.values)
+                with t.loop(turns, t.V, [*start, *block.values]) as turn:
+                    *numbers, mark = turn.values
+                    self._inwards(rows, "%scratch", numbers, 0)
+                    mark = self._outwards(rows, "%scratch", numbers, 0, ["zeroinitializer"] * scan.passed, mark)
+                    turn.following = [*self._done(self.work.go_on, numbers), mark]
+                block.following = turn.values[-1:]
             else:
                 keeps, end = own(kept, scan.length * scan.kept), own(ends, scan.results + scan.passed)
                 if part == "in":
                     handed = self._inwards(rows, keeps, start, 1)
                     for k, x in enumerate(self._done(self.work.root[0], [*self._row(rows, 0), *handed, *start])):
                         self._store(end, k, x)
+                    block.following = block.values
                 else:
                     passed = [self._load(end, scan.results + k) for k in range(scan.passed)]
-                    self._outwards(rows, keeps, start, 1, passed)
-        kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", "0", linkage="")
+                    block.following = [self._outwards(rows, keeps, start, 1, passed, *block.values)]
+        flags = t.flag(block.values[0], NOT_FINITE_OUT)
+        kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", flags, linkage="")
         return module_of([kernel], f)
 
     def _inwards(self, rows: tuple[str, str], keeps: str, numbers: Sequence[str], first: int) -> list[str]:
@@ -275,17 +278,20 @@ class _Writer:
             self._store(place, k, x)
         return done[: scan.handed]
 
-    def _outwards(self, rows: tuple[str, str], keeps: str, numbers: Sequence[str], first: int, passed: Sequence[str]) -> None:
-        """From the `first` node to the last."""
+    def _outwards(
+        self, rows: tuple[str, str], keeps: str, numbers: Sequence[str], first: int, passed: Sequence[str], mark: str
+    ) -> str:
+        """From the `first` node to the last; the mark of what is not finite."""
         t, scan = self.t, self.scan
-        with t.loop(scan.length - first, t.V, passed) as loop:
+        with t.loop(scan.length - first, t.V, [*passed, mark]) as loop:
             i = t.integer("add", loop.k, first)
             place, own = self._at(keeps, i, scan.kept), self._at(rows[0], i, scan.carried)
             kept = [self._load(place, k) for k in range(scan.kept)]
-            done = self._done(self.work.outward, [*self._row(rows, i), *kept, *loop.values, *numbers])
+            done = self._done(self.work.outward, [*self._row(rows, i), *kept, *loop.values[:-1], *numbers])
             for k, x in enumerate(done[: scan.carried]):
                 self._store(own, k, x)
-            loop.following = done[scan.carried :]
+            loop.following = [*done[scan.carried :], t.marked(loop.values[-1], done[: scan.carried])]
+        return loop.values[-1]
 
     def _row(self, rows: tuple[str, str], i: int | str) -> list[str]:
         """All numbers of node i."""

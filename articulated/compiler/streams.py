@@ -19,7 +19,7 @@ import numpy as np
 
 from articulated.compiler.ir import Format, Text
 from articulated.compiler.kernels import Kernel, kept
-from articulated.compiler.lowering import module_of
+from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
 from articulated.compiler.straight import Straight
 from articulated.scalar import Scalar
 
@@ -53,7 +53,8 @@ class Stream:
 def stream_kernel(stream: Stream, single: bool, lanes: int | None = None) -> Kernel:
     """A stream as machine code: from the disk, or made now.
 
-    It is called with its carried planes, its fixed planes, and an array of the numbers; the number of turns is a parameter.
+    It is called with its carried planes, its fixed planes, and an array of the numbers; the number of turns is a parameter. It
+    tells of numbers that are not finite.
     """
     from articulated.compiler.machine import machine
 
@@ -82,7 +83,7 @@ def _module(stream: Stream, work: Straight, f: Format) -> str:
     turns = text.word("%table", 4 * (planes + 1))
     blocks = text.integer("sdiv", text.integer("sub", "%end", "%begin"), f.lanes)
     first = text.integer("mul", "%begin", f.bytes)
-    with text.loop(blocks) as block:
+    with text.loop(blocks, text.V, ["zeroinitializer"]) as block:
         here = text.integer("add", first, text.integer("mul", block.k, f.vector_bytes))
         at = [text.at(plane, here) for plane in where[:planes]]
         loaded = [text.load(place, text.V, f.vector_bytes) for place in at]
@@ -91,8 +92,10 @@ def _module(stream: Stream, work: Straight, f: Format) -> str:
             turn.following = work.written(text, dict(zip(work.inputs, begun, strict=True)))
         for place, x in zip(at[: stream.carried], turn.values, strict=False):
             text.do(f"store {text.V} {x}, ptr {place}, align {f.vector_bytes}")
+        block.following = [text.marked(block.values[0], turn.values[: stream.carried])]
+    flags = text.flag(block.values[0], NOT_FINITE_OUT)
     arguments = "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile"
-    return module_of([text.function("i64", "kernel", arguments, "0", linkage="")], f)
+    return module_of([text.function("i64", "kernel", arguments, flags, linkage="")], f)
 
 
 def planes(rows: Sequence[np.ndarray]) -> np.ndarray:

@@ -22,7 +22,8 @@ from articulated.particles.points import Point
 from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.solvers.xpbd import XPBD
-from articulated.particles.system import SOLVERS, System
+from articulated.particles.steps import SOLVERS
+from articulated.particles.system import System
 
 __all__ = [
     "SOLVERS",

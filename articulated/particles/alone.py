@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -25,19 +26,33 @@ def are_alone(forces: Sequence[Force], colliders: Sequence[Collider] = ()) -> bo
     return not interpreting() and laws and all(collider.compiles for collider in colliders)
 
 
-def advance(system: Any, h: float, steps: int, solver: str, threads: int | None) -> None:
-    """Take a system so many steps on."""
+@dataclass(frozen=True, eq=False)
+class Planes:
+    """A state as planes: positions, velocities, mass and its inverse, constants."""
+
+    key: Any
+    memory: np.ndarray
+    count: int
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities."""
+        return self.memory[:3, : self.count].T.copy(), self.memory[3:6, : self.count].T.copy()
+
+
+def advance(system: Any, h: float, steps: int, solver: str, threads: int | None) -> int:
+    """Take a system so many steps on; flags of its kernel."""
     of_each = [c for force in system.forces for c in force.constants if c.ndim]
-    memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each])
-    known, key = kernels_of(system.like), (solver, system.forces, system.colliders)
+    known, key = kernels_of(system.like), ("alone", solver, system.forces, system.colliders)
     if (kernel := known.get(key)) is None:
         kernel = known[key] = stream_kernel(_stream(system, solver, len(of_each)), single=False)
+    if (laid := system.laid("alone")) is None:
+        memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each])
+        laid = Planes("alone", memory, len(system.mass))
     numbers = np.array([system.time, h])
-    arrays = [(plane, plane.itemsize, 0, None) for plane in (*memory, numbers)]
-    kernel(arrays, memory.shape[1], threads, [steps], steps)
-    n = len(system.x)
-    system.x, system.v = memory[:3, :n].T.copy(), memory[3:6, :n].T.copy()
-    system.time = float(system.time + steps * h)
+    arrays = [(plane, plane.itemsize, 0, None) for plane in (*laid.memory, numbers)]
+    flags = kernel(arrays, laid.memory.shape[1], threads, [steps], steps)
+    system.lay(laid, float(system.time + steps * h))
+    return flags
 
 
 def _stream(system: Any, solver: str, given: int) -> Stream:

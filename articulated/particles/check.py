@@ -99,6 +99,24 @@ def in_range(name: str, array: np.ndarray, count: int) -> None:
         raise ValueError(f"{name}{list(where)} is {array[where]}; there are {count} particles, the last is {count - 1}")
 
 
+def mask(name: str, value: Any, n: int) -> np.ndarray:
+    """Which of n particles, from their numbers or a mask.
+
+    Raises:
+        ValueError: it is neither.
+    """
+    array = np.asarray(value)
+    if array.dtype == bool:
+        if array.shape != (n,):
+            raise ValueError(f"{name} is a mask of shape {array.shape}; expected ({n},)")
+        return array
+    some = elements(name, array.reshape(-1, 1), 1)
+    in_range(name, some, n)
+    result = np.zeros(n, dtype=bool)
+    result[some[:, 0]] = True
+    return result
+
+
 def settle(thing: Any, **values: Any) -> None:
     """Put what was checked in the place of what a frozen description was given."""
     for name, value in values.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,6 +26,7 @@ class Cylinder(Collider):
     length: float
     restitution: float = 0.0
     friction: float = 0.0
+    convex: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         for name in ("radius", "length"):
@@ -61,6 +62,7 @@ class Hull(Collider):
     points: Any
     restitution: float = 0.0
     friction: float = 0.0
+    convex: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         from scipy.spatial import ConvexHull, QhullError

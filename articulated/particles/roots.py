@@ -100,9 +100,7 @@ class Roots:
     def _of_strands(self, carried: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         bound, system, count = self._strands, self._system, len(self._roots)
         assert bound is not None
-        before, system.v = system.v, self._v
-        self._chained = bound.chained(system)
-        system.v = before
+        self._chained = bound.chained(system.at(system.x, self._v, system.time))
         self._numbers = np.array([system.time, self._h])
         results = bound.kernel.inwards(self._chained, self._numbers, None)
         of_chain = results.transpose(0, 2, 1).reshape(-1, 9)[:count]
@@ -120,7 +118,7 @@ class Roots:
         passed[: len(self._roots), :3] = (self._J @ change)[self._order]
         ends[:, scan.results :] = passed.reshape(ends.shape[0], ends.shape[2], scan.passed).transpose(0, 2, 1)
         bound.kernel.outwards(self._chained, self._numbers, None)
-        bound.taken(system, self._chained)
+        system.x, system.v = strands.Laid("", self._chained, len(self._roots)).state()
 
     # anything else
 

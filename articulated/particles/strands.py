@@ -254,13 +254,28 @@ def are_strands(system: Any) -> bool:
     return not interpreting() and system.chains is not None and laws
 
 
-def advance(system: Any, h: float, steps: int, threads: int | None) -> None:
-    """Take a system of chains so many linear implicit steps on."""
+def advance(system: Any, h: float, steps: int, threads: int | None) -> int:
+    """Take a system of chains so many linear implicit steps on; flags of its kernel."""
     bound = bound_to(system, rooted=False)
-    chained = bound.chained(system)
-    bound.kernel.turns(chained, np.array([system.time, h]), steps, threads)
-    bound.taken(system, chained)
-    system.time = float(system.time + steps * h)
+    if (laid := system.laid("strands")) is None:
+        laid = Laid("strands", bound.chained(system), len(bound.fixed))
+    flags = bound.kernel.turns(laid.chained, np.array([system.time, h]), steps, threads)
+    system.lay(laid, float(system.time + steps * h))
+    return flags
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """A state as chains side by side."""
+
+    key: Any
+    chained: Chained
+    count: int
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities."""
+        rows = self.chained.nodes(self.count).reshape(-1, 6)
+        return rows[:, :3].copy(), rows[:, 3:].copy()
 
 
 @dataclass(frozen=True, eq=False)
@@ -275,11 +290,6 @@ class Bound:
         """The state of a system, laid out."""
         nodes = np.concatenate([system.x, system.v], axis=1).reshape(*self.fixed.shape[:2], 6)
         return Chained.of(self.strands.scan, nodes, self.fixed, self.kernel.lanes)
-
-    def taken(self, system: Any, chained: Chained) -> None:
-        """Give a system the state back."""
-        rows = chained.nodes(len(self.fixed)).reshape(-1, 6)
-        system.x, system.v = rows[:, :3].copy(), rows[:, 3:].copy()
 
 
 def bound_to(system: Any, rooted: bool) -> Bound:

@@ -9,27 +9,19 @@ from typing import Any
 
 import numpy as np
 
-from articulated.particles import alone, strands, together
-from articulated.particles.alone import are_alone
 from articulated.particles.chains import REACH, Chains
-from articulated.particles.check import elements, in_range, numbers, positive
+from articulated.particles.check import mask, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import vectors
+from articulated.particles.resident import Resident
 from articulated.particles.shown import segments, triangles
-from articulated.particles.solvers.adaptive import Adaptive
-from articulated.particles.solvers.explicit import EXPLICIT, LAGS
-from articulated.particles.solvers.implicit import ImplicitEuler
-from articulated.particles.solvers.xpbd import XPBD
-from articulated.particles.together import are_laws
+from articulated.particles.steps import Solver, advance, method_of
 from articulated.trajectory import Cloud
 
-_OTHERS = {"implicit_euler": ImplicitEuler, "adaptive": Adaptive, "xpbd": XPBD}
-SOLVERS = (*EXPLICIT, *_OTHERS)
 
-
-class System:
+class System(Resident):
     """Particles, what acts on them, and what they run into.
 
     Its phase space has 6 n dimensions: all positions, then all velocities.
@@ -44,7 +36,8 @@ class System:
         time: [s].
 
     Attributes:
-        x, v: the state, shape (n, 3).
+        x, v: the state, shape (n, 3). To look at them, or to change them, takes them out of machine code; so while many steps
+            are taken one by one, look when you need to.
         mass: shape (n,) [kg]; zero for what is pinned, which has no weight either.
         inverse_mass: shape (n,) [1/kg]; zero for what is pinned.
         forces, colliders, time: see above.
@@ -66,30 +59,30 @@ class System:
         pinned: Any = (),
         time: float = 0.0,
     ):
-        self.x = numbers("x", x, (None, 3))
-        n = len(self.x)
-        self.v = np.zeros((n, 3)) if v is None else numbers("v", v, (n, 3))
+        x = numbers("x", x, (None, 3))
+        n = len(x)
+        v = np.zeros((n, 3)) if v is None else numbers("v", v, (n, 3))
+        super().__init__(x, v, float(numbers("time", time, ())))
         masses = np.broadcast_to(numbers("mass", mass, () if np.ndim(mass) == 0 else (n,), finite=False), n)
         if not (masses > 0.0).all():
             where = int(np.argmin(masses))
             raise ValueError(
                 f"mass[{where}] is {masses[where]:g}; expected more than zero, or infinity for a particle that is pinned"
             )
-        held = np.isinf(masses) | _mask(pinned, n)
-        moving = held & self.v.any(axis=1)
+        held = np.isinf(masses) | mask("pinned", pinned, n)
+        moving = held & v.any(axis=1)
         if moving.any():
             where = int(np.argmax(moving))
-            raise ValueError(f"v[{where}] is {self.v[where].tolist()}, but particle {where} is pinned; give it no velocity")
+            raise ValueError(f"v[{where}] is {v[where].tolist()}, but particle {where} is pinned; give it no velocity")
         self.inverse_mass = np.where(held, 0.0, 1.0 / masses)
         self.mass = np.where(held, 0.0, masses)
-        self.time = float(numbers("time", time, ()))
         for force in forces:
             if not isinstance(force, Force):
                 raise ValueError(f"forces holds {force!r}; expected Gravity(), Springs(…), OwnForce(function) and the like")
         for collider in colliders:
             if not isinstance(collider, Collider):
                 raise ValueError(f"colliders holds {collider!r}; expected Plane(…), Sphere(…) and the like")
-        self.forces = tuple(force.bound(self.x, self.mass) for force in forces)
+        self.forces = tuple(force.bound(x, self.mass) for force in forces)
         self.colliders = tuple(colliders)
         self.chains = Chains.of(n, self.forces)
         self.like = self
@@ -102,7 +95,7 @@ class System:
     def at(self, x: np.ndarray, v: np.ndarray, time: float) -> System:
         """The same particles in another state."""
         other = copy(self)
-        other.x, other.v, other.time = np.array(x, dtype=float), np.array(v, dtype=float), time
+        Resident.__init__(other, np.array(x, dtype=float), np.array(v, dtype=float), time)
         return other
 
     @property
@@ -208,7 +201,7 @@ class System:
     def step(
         self,
         h: float,
-        solver: str | ImplicitEuler | Adaptive | XPBD = "semi_implicit",
+        solver: Solver = "semi_implicit",
         steps: int = 1,
         threads: int | None = None,
     ) -> float:
@@ -229,47 +222,27 @@ class System:
             FloatingPointError: numbers are no longer finite: the step is too long for what acts.
             ArithmeticError: an adaptive solver needs more steps than it may take, or shorter ones than there are.
 
-        What raises leaves the system as it was.
+        What raises leaves the system as it was when it was last looked at.
         """
-        h, method = positive("h", h), _OTHERS[solver]() if isinstance(solver, str) and solver in _OTHERS else solver
+        h, method = positive("h", h), method_of(solver)
         if not isinstance(steps, int) or steps < 0:
             raise ValueError(f"steps is {steps!r}; expected a whole number")
-        if not isinstance(method, tuple(_OTHERS.values())) and method not in EXPLICIT:
-            others = ", ".join(f"{kind.__name__}(…)" for kind in _OTHERS.values())
-            raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or one of {others}")
-        before = self.x, self.v, self.time
+        before = self.seen()
         try:
             with np.errstate(over="ignore", invalid="ignore"):
-                residual = self._advance(h, method, steps, threads)
-            self._check_finite(h, solver, steps, before[2])
+                residual, flags = advance(self, h, method, steps, threads)
+            if flags is None or flags:
+                self._check_finite(h, solver, steps, before[2])
         except Exception:
-            self.x, self.v, self.time = before
+            self.back_to(before)
             raise
         return residual
-
-    def _advance(self, h: float, method: Any, steps: int, threads: int | None) -> float:
-        if isinstance(method, ImplicitEuler):
-            if method.turns == 1 and strands.are_strands(self):
-                strands.advance(self, h, steps, threads)
-                return 0.0
-            return max((self._implicit(h, method) for _ in range(steps)), default=0.0)
-        if isinstance(method, (Adaptive, XPBD)):
-            return max((method.advance(self, h) for _ in range(steps)), default=0.0)
-        if are_alone(self.forces, self.colliders):
-            alone.advance(self, h, steps, method, threads)
-        elif are_laws(self.forces, method, self.colliders):
-            together.advance(self, h, steps, method)
-        else:
-            for _ in range(steps):
-                x, v = EXPLICIT[method](self.acceleration, self.time, h, self.x, self.v)
-                self.arrive(h, x, v, LAGS[method])
-        return 0.0
 
     def run(
         self,
         duration: float,
         dt: float,
-        solver: str | ImplicitEuler = "semi_implicit",
+        solver: Solver = "semi_implicit",
         fps: float = 60.0,
         threads: int | None = None,
         progress: bool = False,
@@ -314,11 +287,6 @@ class System:
             "take shorter steps, or solver='implicit_euler' if forces are stiff"
         )
 
-    def _implicit(self, h: float, method: ImplicitEuler) -> float:
-        x, v, residual = method.step(self, h)
-        self.arrive(h, x, v, 0.0)
-        return residual
-
     def arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
         """Where a step would have led, unless something was in the way."""
         if self.colliders:
@@ -339,17 +307,3 @@ class System:
     def _parts(self, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         n = len(self.x)
         return y[: 3 * n].reshape(n, 3), y[3 * n :].reshape(n, 3)
-
-
-def _mask(pinned: Any, n: int) -> np.ndarray:
-    """Which of n particles are pinned."""
-    array = np.asarray(pinned)
-    if array.dtype == bool:
-        if array.shape != (n,):
-            raise ValueError(f"pinned is a mask of shape {array.shape}; expected ({n},)")
-        return array
-    some = elements("pinned", array.reshape(-1, 1), 1)
-    in_range("pinned", some, n)
-    mask = np.zeros(n, dtype=bool)
-    mask[some[:, 0]] = True
-    return mask

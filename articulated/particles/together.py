@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -31,20 +32,42 @@ def are_laws(forces: Sequence[Force], solver: str, colliders: Sequence[Collider]
     return not interpreting() and solver in ONE_STAGE and known
 
 
-def advance(system: Any, h: float, steps: int, solver: str) -> None:
-    """Take a system so many steps on."""
-    n, known, key = len(system.x), kernels_of(system.like), (solver, system.forces, system.colliders)
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """A state as rows of eight: position, mass, velocity, inverse mass; and room for sums."""
+
+    key: Any
+    rows: np.ndarray
+    sums: np.ndarray
+    count: int
+
+    @staticmethod
+    def of(system: Any, lanes: int) -> Rows:
+        """Of a system as it is."""
+        n = len(system.mass)
+        rows = on_a_line((_size(n, lanes), ROW))
+        rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = system.x, system.mass, system.v, system.inverse_mass
+        rows[n:] = 0.0
+        rows[n:, 0] = np.arange(len(rows) - n)  # what fills up elements is on nodes of its own, which are not in one place
+        return Rows("together", rows, on_a_line((len(rows), SUM)), n)
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities."""
+        return self.rows[: self.count, :3].copy(), self.rows[: self.count, 4:7].copy()
+
+
+def advance(system: Any, h: float, steps: int, solver: str) -> int:
+    """Take a system so many steps on; flags of its kernel."""
+    known, key = kernels_of(system.like), ("together", solver, system.forces, system.colliders)
     if (found := known.get(key)) is None:
         kernel = MeshKernel(_mesh(system, solver))
         found = known[key] = kernel, _elements(system, kernel.lanes), [_filled(c, kernel.lanes) for c in _of_nodes(system)]
     kernel, elements, constants = found
-    rows = on_a_line((_size(n, kernel.lanes), ROW))
-    rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = system.x, system.mass, system.v, system.inverse_mass
-    rows[n:] = 0.0
-    rows[n:, 0] = np.arange(len(rows) - n)  # what fills up elements is on nodes of its own, which are not in one place
-    numbers = np.array([system.time, h])
-    kernel(rows, on_a_line((len(rows), SUM)), constants, elements, numbers, steps)
-    system.x, system.v, system.time = rows[:n, :3].copy(), rows[:n, 4:7].copy(), float(system.time + steps * h)
+    if (laid := system.laid("together")) is None:
+        laid = Rows.of(system, kernel.lanes)
+    flags = kernel(laid.rows, laid.sums, constants, elements, np.array([system.time, h]), steps)
+    system.lay(laid, float(system.time + steps * h))
+    return flags
 
 
 def _mesh(system: Any, solver: str) -> Mesh:
@@ -81,7 +104,7 @@ def _mesh(system: Any, solver: str) -> Mesh:
 
 def _elements(system: Any, lanes: int) -> list[tuple[np.ndarray, list[np.ndarray]]]:
     """Of each law between particles, whose they are and what it knows of each."""
-    n, found = len(system.x), []
+    n, found = len(system.mass), []
     for force in system.forces:
         if force.particles is None:
             continue

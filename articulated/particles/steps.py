@@ -1,0 +1,53 @@
+"""The methods by name, and who takes their steps: machine code where it can, else the interpreter on arrays."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from articulated.particles import alone, strands, together
+from articulated.particles.solvers.adaptive import Adaptive
+from articulated.particles.solvers.explicit import EXPLICIT, LAGS
+from articulated.particles.solvers.implicit import ImplicitEuler
+from articulated.particles.solvers.xpbd import XPBD
+
+_OTHERS = {"implicit_euler": ImplicitEuler, "adaptive": Adaptive, "xpbd": XPBD}
+SOLVERS = (*EXPLICIT, *_OTHERS)
+
+Solver = str | ImplicitEuler | Adaptive | XPBD
+
+
+def method_of(solver: Solver) -> Solver:
+    """The method of a name, or the method itself.
+
+    Raises:
+        ValueError: it is none.
+    """
+    method = _OTHERS[solver]() if isinstance(solver, str) and solver in _OTHERS else solver
+    if not isinstance(method, tuple(_OTHERS.values())) and method not in EXPLICIT:
+        others = ", ".join(f"{kind.__name__}(…)" for kind in _OTHERS.values())
+        raise ValueError(f"solver is {method!r}; expected one of {', '.join(SOLVERS)}, or one of {others}")
+    return method
+
+
+def advance(system: Any, h: float, method: Any, steps: int, threads: int | None) -> tuple[float, int | None]:
+    """Take a system so many steps on: what is left, see `System.step`; and flags of numbers, None if nobody looked."""
+    if isinstance(method, ImplicitEuler):
+        if method.turns == 1 and strands.are_strands(system):
+            return 0.0, strands.advance(system, h, steps, threads)
+        return max((_implicit(system, h, method) for _ in range(steps)), default=0.0), None
+    if isinstance(method, (Adaptive, XPBD)):
+        return max((method.advance(system, h) for _ in range(steps)), default=0.0), None
+    if alone.are_alone(system.forces, system.colliders):
+        return 0.0, alone.advance(system, h, steps, method, threads)
+    if together.are_laws(system.forces, method, system.colliders):
+        return 0.0, together.advance(system, h, steps, method)
+    for _ in range(steps):
+        x, v = EXPLICIT[method](system.acceleration, system.time, h, system.x, system.v)
+        system.arrive(h, x, v, LAGS[method])
+    return 0.0, None
+
+
+def _implicit(system: Any, h: float, method: ImplicitEuler) -> float:
+    x, v, residual = method.step(system, h)
+    system.arrive(h, x, v, 0.0)
+    return residual
