@@ -28,6 +28,8 @@ from articulated.scalar import Scalar
 ROW, SUM = 8, 4
 """Numbers of a node, and of what is done to it."""
 _LANES = 8
+_TILE = 32
+"""Blocks of elements whose work is done before any of it is scattered: a processor looks only so far ahead."""
 Scalars = Sequence[Scalar]
 
 
@@ -88,7 +90,8 @@ class MeshKernel:
 
         def build() -> tuple[dict[str, Any], bytes]:
             code = on.object_code(_Writer(mesh, passes, f).text())
-            return {"operations": 1, "scratch": 1, "tile": 1, "objects": [len(code)]}, code
+            room = max([_TILE * f.vector_bytes * 3 * law.nodes for law in mesh.elements], default=1)
+            return {"operations": 1, "scratch": room, "tile": 1, "objects": [len(code)]}, code
 
         self._kernel = Kernel(mesh.name, f, on, *kept(mesh.name, f, on, content, build))
 
@@ -107,8 +110,8 @@ class MeshKernel:
             rows: of nodes, shape (n, 8), n a whole number of lanes, on a line of the cache.
             sums: room for what is done to them, shape (n, 4).
             constants: of nodes, each of shape (n,).
-            elements: of each law the numbers of nodes, of int32, shape (blocks, nodes, lanes), and its constants, each of shape
-                (blocks lanes,).
+            elements: of each law where the sums of nodes begin, in bytes, of int32, shape (blocks, nodes, lanes), and its
+                constants, each of shape (blocks lanes,).
             numbers: the same for all.
             steps: how many.
         """
@@ -164,6 +167,11 @@ def _opposite(one: Straight, k: int) -> bool:
     return k > 0 and all(one.nodes[b] == ("neg", a) for a, b in zip(first, other, strict=True))
 
 
+def _scattered(law: Elements, one: Straight) -> list[int]:
+    """Which numbers of what is done are to be scattered: not those that are the opposite of others."""
+    return [n for k in range(law.nodes) if not _opposite(one, k) for n in range(3 * k, 3 * k + 3)]
+
+
 class _Writer:
     """The kernel of a mesh being written."""
 
@@ -196,8 +204,15 @@ class _Writer:
                 for place, parts in zip(places, self._as_rows(done), strict=True):
                     self._put(place, parts)
             for (nodes, given), law, one, some in zip(elements, mesh.elements, laws, counts, strict=True):
-                with t.loop(some) as block:
-                    self._act(law, one, rows, sums, nodes, self._constants(given, block.k), block.k, numbers)
+                tiles = t.integer("sdiv", t.integer("add", some, _TILE - 1), _TILE)
+                with t.loop(tiles) as tile:
+                    first = t.integer("mul", tile.k, _TILE)
+                    here = t.integer("smin", t.integer("sub", some, first), _TILE)
+                    with t.loop(here) as turn:
+                        block = t.integer("add", first, turn.k)
+                        self._act(law, one, rows, nodes, self._constants(given, block), block, turn.k, numbers)
+                    with t.loop(here) as turn:
+                        self._scatter(law, one, sums, nodes, t.integer("add", first, turn.k), turn.k)
             with t.loop(blocks, t.V, step.values[-1:]) as block:
                 here = self._nodes(rows, block.k)
                 done = self._columns([self._take(place) for place in self._nodes(sums, block.k, SUM)])[:3]
@@ -216,20 +231,15 @@ class _Writer:
         law: Elements,
         one: Straight,
         rows: str,
-        sums: str,
         nodes: str,
         constants: Sequence[str],
         block: str,
+        place: str,
         numbers: Sequence[str],
     ) -> None:
-        """What a block of elements does."""
-        t, f = self.t, self.f
-        here = t.at(nodes, t.integer("mul", block, 4 * law.nodes * f.lanes))
-        numbered = []
-        for k in range(law.nodes):
-            some = [t.load(t.at(here, 4 * (k * f.lanes + lane)), "i32", 4) for lane in range(f.lanes)]
-            numbered.append([t.let(f"sext i32 {number} to i64") for number in some])
-        places = [[t.at(rows, t.integer("mul", number, ROW * f.bytes)) for number in some] for some in numbered]
+        """What a block of elements does, put where it waits to be scattered."""
+        t = self.t
+        places = [[t.at(rows, t.integer("mul", x, ROW // SUM)) for x in some] for some in self._numbered(law, nodes, block)]
         rest = dict(zip(one.inputs[ROW * law.nodes :], [*constants, *numbers], strict=True))
         if law.nodes == 2 and (differences := _differences(one)) is not None:
             apart = self._row(places[0], places[1])
@@ -237,15 +247,39 @@ class _Writer:
         else:
             gathered = dict(zip(one.inputs, [x for some in places for x in self._row(some)], strict=False))
         done = one.written(t, gathered | rest)
-        first = self._as_rows(done[:3])
-        scattered = [
-            (first, "fsub") if _opposite(one, k) else (self._as_rows(done[3 * k : 3 * k + 3]), "fadd") for k in range(law.nodes)
+        for k, x in enumerate(done[n] for n in _scattered(law, one)):
+            t.do(f"store {t.V} {x}, ptr {self._waiting(law, one, place, k)}, align {self.f.vector_bytes}")
+
+    def _scatter(self, law: Elements, one: Straight, sums: str, nodes: str, block: str, place: str) -> None:
+        """Add what a block of elements does to the sums of its nodes, element by element."""
+        t, f, some = self.t, self.f, _scattered(law, one)
+        done = {n: t.load(self._waiting(law, one, place, k), t.V, f.vector_bytes) for k, n in enumerate(some)}
+        numbered = self._numbered(law, nodes, block)
+        first = self._as_rows([done[n] for n in range(3)])
+        parts = [
+            (first, "fsub") if _opposite(one, k) else (self._as_rows([done[n] for n in range(3 * k, 3 * k + 3)]), "fadd")
+            for k in range(law.nodes)
         ]
         for lane in range(f.lanes):
-            for k, (parts, operation) in enumerate(scattered):
-                place = t.at(sums, t.integer("mul", numbered[k][lane], SUM * f.bytes))
-                before, kind = self._take(place), f"<{self.part} x {f.number}>"
-                self._put(place, [t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, parts[lane], strict=True)])
+            for k, (of_lanes, operation) in enumerate(parts):
+                at = t.at(sums, numbered[k][lane])
+                before, kind = self._take(at), f"<{self.part} x {f.number}>"
+                self._put(at, [t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, of_lanes[lane], strict=True)])
+
+    def _numbered(self, law: Elements, nodes: str, block: str) -> list[list[str]]:
+        """Where the sums of a block's nodes begin."""
+        t, f = self.t, self.f
+        here = t.at(nodes, t.integer("mul", block, 4 * law.nodes * f.lanes))
+        found = []
+        for k in range(law.nodes):
+            some = [t.load(t.at(here, 4 * (k * f.lanes + lane)), "i32", 4) for lane in range(f.lanes)]
+            found.append([t.let(f"sext i32 {number} to i64") for number in some])
+        return found
+
+    def _waiting(self, law: Elements, one: Straight, place: str, k: int) -> str:
+        """Where the k-th number of a block of a tile waits."""
+        size = self.f.vector_bytes
+        return self.t.at(self.t.at("%scratch", self.t.integer("mul", place, len(_scattered(law, one)) * size)), k * size)
 
     def _work(self, one: Straight, inputs: Sequence[str]) -> list[str]:
         return one.written(self.t, dict(zip(one.inputs, inputs, strict=True)))
@@ -275,10 +309,10 @@ class _Writer:
         t, f = self.t, self.f
         four = [*numbers, "zeroinitializer"]
         if f.lanes >= SUM:
-            square = transposed(t, [*four, *["zeroinitializer"] * (f.lanes - SUM)])
+            square = transposed(t, four)  # of eight lanes: those of the first four, and of the last four beside them
             if f.lanes == SUM:
                 return [[x] for x in square]
-            return [[t.shuffle(t.V, x, "poison", range(SUM))] for x in square]
+            return [[t.shuffle(t.V, x, "poison", range(k, k + SUM))] for k in (0, SUM) for x in square]
         halves = [transposed(t, four[k : k + f.lanes]) for k in range(0, SUM, f.lanes)]
         return [list(parts) for parts in zip(*halves, strict=True)]
 
@@ -288,8 +322,9 @@ class _Writer:
         if f.lanes >= SUM:
             wide = [row[0] for row in rows]
             if f.lanes > SUM:
-                wide = [t.shuffle(f"<{SUM} x {f.number}>", x, "poison", [*range(SUM), *[0] * (f.lanes - SUM)]) for x in wide]
-            return transposed(t, wide)[:SUM]
+                kind = f"<{SUM} x {f.number}>"
+                wide = [t.shuffle(kind, a, b, range(f.lanes)) for a, b in zip(wide[:SUM], wide[SUM:], strict=True)]
+            return transposed(t, wide)
         found = []
         for k in range(SUM // f.lanes):
             found += transposed(t, [row[k] for row in rows])

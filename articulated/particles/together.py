@@ -111,6 +111,7 @@ def _elements(system: Any, lanes: int) -> list[tuple[np.ndarray, list[np.ndarray
         count, size = force.particles.shape
         numbers = np.empty((-(-count // lanes) * lanes, size), np.int32)
         numbers[:count], numbers[count:] = force.particles, n + np.arange(size)
+        numbers *= SUM * 8
         blocks = np.ascontiguousarray(numbers.reshape(-1, lanes, size).transpose(0, 2, 1))
         found.append((blocks, [_filled(c, lanes) for c in force.constants if c.ndim]))
     return found
