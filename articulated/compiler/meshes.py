@@ -28,7 +28,7 @@ from articulated.scalar import Scalar
 ROW, SUM = 8, 4
 """Numbers of a node, and of what is done to it."""
 _LANES = 8
-_TILE = 32
+_TILE = 16
 """Blocks of elements whose work is done before any of it is scattered: a processor looks only so far ahead."""
 Scalars = Sequence[Scalar]
 
