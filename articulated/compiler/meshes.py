@@ -17,19 +17,15 @@ from typing import Any
 
 import numpy as np
 
-from articulated.compiler.graph import operands
-from articulated.compiler.ir import Format, Text
+from articulated.compiler.ir import Format
 from articulated.compiler.kernels import Kernel, kept
 from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
+from articulated.compiler.rows import ROW, SUM, TILE, RowWriter, differences, scattered
 from articulated.compiler.straight import Straight
 from articulated.compiler.transfers import transposed
 from articulated.scalar import Scalar
 
-ROW, SUM = 8, 4
-"""Numbers of a node, and of what is done to it."""
 _LANES = 8
-_TILE = 16
-"""Blocks of elements whose work is done before any of it is scattered: a processor looks only so far ahead."""
 Scalars = Sequence[Scalar]
 
 
@@ -90,7 +86,7 @@ class MeshKernel:
 
         def build() -> tuple[dict[str, Any], bytes]:
             code = on.object_code(_Writer(mesh, passes, f).text())
-            room = max([_TILE * f.vector_bytes * 3 * law.nodes for law in mesh.elements], default=1)
+            room = max([TILE * f.vector_bytes * 3 * law.nodes for law in mesh.elements], default=1)
             return {"operations": 1, "scratch": room, "tile": 1, "objects": [len(code)]}, code
 
         self._kernel = Kernel(mesh.name, f, on, *kept(mesh.name, f, on, content, build))
@@ -136,48 +132,20 @@ def _passes(mesh: Mesh, single: bool) -> list[Straight]:
     for law in mesh.elements:
 
         def act(x: Scalars, law: Elements = law) -> Scalars:
-            rows = [x[k * ROW : (k + 1) * ROW] for k in range(law.nodes)]
-            rest = x[law.nodes * ROW :]
-            return [c for done in law.act(rows, rest[: law.constants], rest[law.constants :]) for c in done]
+            first = law.constants + n
+            rows = [x[k : k + ROW] for k in range(first, len(x), ROW)]
+            return [c for done in law.act(rows, x[: law.constants], x[law.constants : first]) for c in done]
 
         passes.append(Straight.of(act, law.nodes * ROW + law.constants + n, single))
     return [*passes, Straight.of(end, ROW + 3 + c + n, single), Straight.of(mesh.go_on, n, single)]
 
 
-def _differences(one: Straight) -> dict[int, int] | None:
-    """Of a law for two nodes that looks at differences of their rows only: the nodes of these, by their place in the row.
-
-    They are taken before rows are transposed, which is half the work. None: it looks at other things.
-    """
-    nodes, found = one.nodes, {}
-    first, second = one.inputs[:ROW], one.inputs[ROW : 2 * ROW]
-    pairs = {("sub", a, b): k for k, (a, b) in enumerate(zip(first, second, strict=True))}
-    rows = {*first, *second}
-    for i in one.order():
-        if nodes[i] in pairs:
-            found[pairs[nodes[i]]] = i
-        elif not rows.isdisjoint(operands(nodes[i])):
-            return None
-    return found if rows.isdisjoint(one.outputs) else None
-
-
-def _opposite(one: Straight, k: int) -> bool:
-    """Whether what is done to the k-th node is the opposite of what is done to the first."""
-    first, other = one.outputs[:3], one.outputs[3 * k : 3 * k + 3]
-    return k > 0 and all(one.nodes[b] == ("neg", a) for a, b in zip(first, other, strict=True))
-
-
-def _scattered(law: Elements, one: Straight) -> list[int]:
-    """Which numbers of what is done are to be scattered: not those that are the opposite of others."""
-    return [n for k in range(law.nodes) if not _opposite(one, k) for n in range(3 * k, 3 * k + 3)]
-
-
-class _Writer:
+class _Writer(RowWriter):
     """The kernel of a mesh being written."""
 
     def __init__(self, mesh: Mesh, passes: Sequence[Straight], f: Format):
-        self.mesh, self.passes, self.f, self.t = mesh, passes, f, Text(f)
-        self.part = min(SUM, f.lanes)
+        super().__init__(f)
+        self.mesh, self.passes = mesh, passes
 
     def text(self) -> str:
         t, mesh = self.t, self.mesh
@@ -204,15 +172,15 @@ class _Writer:
                 for place, parts in zip(places, self._as_rows(done), strict=True):
                     self._put(place, parts)
             for (nodes, given), law, one, some in zip(elements, mesh.elements, laws, counts, strict=True):
-                tiles = t.integer("sdiv", t.integer("add", some, _TILE - 1), _TILE)
+                tiles = t.integer("sdiv", t.integer("add", some, TILE - 1), TILE)
                 with t.loop(tiles) as tile:
-                    first = t.integer("mul", tile.k, _TILE)
-                    here = t.integer("smin", t.integer("sub", some, first), _TILE)
+                    first = t.integer("mul", tile.k, TILE)
+                    here = t.integer("smin", t.integer("sub", some, first), TILE)
                     with t.loop(here) as turn:
                         block = t.integer("add", first, turn.k)
                         self._act(law, one, rows, nodes, self._constants(given, block), block, turn.k, numbers)
                     with t.loop(here) as turn:
-                        self._scatter(law, one, sums, nodes, t.integer("add", first, turn.k), turn.k)
+                        self._put_to_sums(law, one, sums, nodes, t.integer("add", first, turn.k), turn.k)
             with t.loop(blocks, t.V, step.values[-1:]) as block:
                 here = self._nodes(rows, block.k)
                 done = self._columns([self._take(place) for place in self._nodes(sums, block.k, SUM)])[:3]
@@ -238,104 +206,25 @@ class _Writer:
         numbers: Sequence[str],
     ) -> None:
         """What a block of elements does, put where it waits to be scattered."""
-        t = self.t
-        places = [[t.at(rows, t.integer("mul", x, ROW // SUM)) for x in some] for some in self._numbered(law, nodes, block)]
-        rest = dict(zip(one.inputs[ROW * law.nodes :], [*constants, *numbers], strict=True))
-        if law.nodes == 2 and (differences := _differences(one)) is not None:
-            apart = self._row(places[0], places[1])
-            gathered = {differences[k]: x for k, x in enumerate(apart) if k in differences}
+        t, size = self.t, ROW // SUM
+        places = [[t.at(rows, t.integer("mul", x, size)) for x in some] for some in self._numbered(law.nodes, nodes, block)]
+        first = law.constants + len(numbers)
+        rest = dict(zip(one.inputs[:first], [*constants, *numbers], strict=True))
+        if law.nodes == 2 and (apart := differences(one, ROW)) is not None:
+            gathered = {apart[k]: x for k, x in enumerate(self._row(places[0], places[1])) if k in apart}
         else:
-            gathered = dict(zip(one.inputs, [x for some in places for x in self._row(some)], strict=False))
+            gathered = dict(zip(one.inputs[first:], [x for some in places for x in self._row(some)], strict=True))
         done = one.written(t, gathered | rest)
-        for k, x in enumerate(done[n] for n in _scattered(law, one)):
+        for k, x in enumerate(done[n] for n in scattered(one, law.nodes)):
             t.do(f"store {t.V} {x}, ptr {self._waiting(law, one, place, k)}, align {self.f.vector_bytes}")
 
-    def _scatter(self, law: Elements, one: Straight, sums: str, nodes: str, block: str, place: str) -> None:
-        """Add what a block of elements does to the sums of its nodes, element by element."""
-        t, f, some = self.t, self.f, _scattered(law, one)
-        done = {n: t.load(self._waiting(law, one, place, k), t.V, f.vector_bytes) for k, n in enumerate(some)}
-        numbered = self._numbered(law, nodes, block)
-        first = self._as_rows([done[n] for n in range(3)])
-        parts = [
-            (first, "fsub") if _opposite(one, k) else (self._as_rows([done[n] for n in range(3 * k, 3 * k + 3)]), "fadd")
-            for k in range(law.nodes)
-        ]
-        for lane in range(f.lanes):
-            for k, (of_lanes, operation) in enumerate(parts):
-                at = t.at(sums, numbered[k][lane])
-                before, kind = self._take(at), f"<{self.part} x {f.number}>"
-                self._put(at, [t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, of_lanes[lane], strict=True)])
-
-    def _numbered(self, law: Elements, nodes: str, block: str) -> list[list[str]]:
-        """Where the sums of a block's nodes begin."""
-        t, f = self.t, self.f
-        here = t.at(nodes, t.integer("mul", block, 4 * law.nodes * f.lanes))
-        found = []
-        for k in range(law.nodes):
-            some = [t.load(t.at(here, 4 * (k * f.lanes + lane)), "i32", 4) for lane in range(f.lanes)]
-            found.append([t.let(f"sext i32 {number} to i64") for number in some])
-        return found
+    def _put_to_sums(self, law: Elements, one: Straight, sums: str, nodes: str, block: str, place: str) -> None:
+        """Add what a block of elements did to the sums of its nodes."""
+        some = enumerate(scattered(one, law.nodes))
+        done = {n: self.t.load(self._waiting(law, one, place, k), self.t.V, self.f.vector_bytes) for k, n in some}
+        self._scatter(one, law.nodes, sums, self._numbered(law.nodes, nodes, block), done)
 
     def _waiting(self, law: Elements, one: Straight, place: str, k: int) -> str:
         """Where the k-th number of a block of a tile waits."""
         size = self.f.vector_bytes
-        return self.t.at(self.t.at("%scratch", self.t.integer("mul", place, len(_scattered(law, one)) * size)), k * size)
-
-    def _work(self, one: Straight, inputs: Sequence[str]) -> list[str]:
-        return one.written(self.t, dict(zip(one.inputs, inputs, strict=True)))
-
-    def _nodes(self, base: str, block: str, width: int = ROW) -> list[str]:
-        """Where the rows of a block of nodes are."""
-        size = width * self.f.bytes
-        first = self.t.at(base, self.t.integer("mul", block, size * self.f.lanes))
-        return [self.t.at(first, lane * size) for lane in range(self.f.lanes)]
-
-    def _constants(self, planes: Sequence[str], block: str) -> list[str]:
-        t, f = self.t, self.f
-        return [t.load(t.at(plane, t.integer("mul", block, f.vector_bytes)), t.V, f.vector_bytes) for plane in planes]
-
-    def _row(self, places: Sequence[str], less: Sequence[str] = ()) -> list[str]:
-        """The rows of some nodes, less those of others, as a register for each of their numbers."""
-        t, f, found = self.t, self.f, []
-        for k in range(0, ROW, f.lanes):
-            rows, others = (
-                [t.load(t.at(place, k * f.bytes), t.V, f.vector_bytes) for place in some] for some in (places, less)
-            )
-            found += transposed(t, [t.let(f"fsub {t.V} {a}, {b}") for a, b in zip(rows, others, strict=True)] if less else rows)
-        return found
-
-    def _as_rows(self, numbers: Sequence[str]) -> list[list[str]]:
-        """Three numbers of each lane as the parts of a row of four."""
-        t, f = self.t, self.f
-        four = [*numbers, "zeroinitializer"]
-        if f.lanes >= SUM:
-            square = transposed(t, four)  # of eight lanes: those of the first four, and of the last four beside them
-            if f.lanes == SUM:
-                return [[x] for x in square]
-            return [[t.shuffle(t.V, x, "poison", range(k, k + SUM))] for k in (0, SUM) for x in square]
-        halves = [transposed(t, four[k : k + f.lanes]) for k in range(0, SUM, f.lanes)]
-        return [list(parts) for parts in zip(*halves, strict=True)]
-
-    def _columns(self, rows: Sequence[Sequence[str]]) -> list[str]:
-        """The reverse of `_as_rows`: a register for each of four numbers."""
-        t, f = self.t, self.f
-        if f.lanes >= SUM:
-            wide = [row[0] for row in rows]
-            if f.lanes > SUM:
-                kind = f"<{SUM} x {f.number}>"
-                wide = [t.shuffle(kind, a, b, range(f.lanes)) for a, b in zip(wide[:SUM], wide[SUM:], strict=True)]
-            return transposed(t, wide)
-        found = []
-        for k in range(SUM // f.lanes):
-            found += transposed(t, [row[k] for row in rows])
-        return found
-
-    def _take(self, place: str) -> list[str]:
-        """The parts of a row of four."""
-        t, f, kind = self.t, self.f, f"<{self.part} x {self.f.number}>"
-        return [t.load(t.at(place, k * f.bytes), kind, self.part * f.bytes) for k in range(0, SUM, self.part)]
-
-    def _put(self, place: str, parts: Sequence[str]) -> None:
-        t, f, kind = self.t, self.f, f"<{self.part} x {self.f.number}>"
-        for k, x in enumerate(parts):
-            t.do(f"store {kind} {x}, ptr {t.at(place, k * self.part * f.bytes)}, align {self.part * f.bytes}")
+        return self.t.at(self.t.at("%scratch", self.t.integer("mul", place, len(scattered(one, law.nodes)) * size)), k * size)

@@ -10,7 +10,8 @@ import numpy as np
 
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
-from articulated.compiler.meshes import ROW, SUM, Elements, Mesh, MeshKernel
+from articulated.compiler.meshes import Elements, Mesh, MeshKernel
+from articulated.compiler.rows import ROW, SUM
 from articulated.compiler.streams import on_a_line
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
