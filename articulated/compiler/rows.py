@@ -97,9 +97,9 @@ class RowWriter:
         return found
 
     def _as_rows(self, numbers: Sequence[str]) -> list[list[str]]:
-        """Three numbers of each lane as the parts of a row of four."""
+        """Up to four numbers of each lane as the parts of a row of four."""
         t, f = self.t, self.f
-        four = [*numbers, "zeroinitializer"]
+        four = [*numbers, *["zeroinitializer"] * (SUM - len(numbers))]
         if f.lanes >= SUM:
             square = transposed(t, four)  # of eight lanes: those of the first four, and of the last four beside them
             if f.lanes == SUM:

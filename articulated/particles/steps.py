@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from articulated.particles import alone, strands, together
+from articulated.particles import alone, strands, together, woven
 from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
@@ -34,6 +34,8 @@ def advance(system: Any, h: float, method: Any, steps: int, threads: int | None)
     if isinstance(method, ImplicitEuler):
         if method.turns == 1 and strands.are_strands(system):
             return 0.0, strands.advance(system, h, steps, threads)
+        if method.turns == 1 and system.chains is None and woven.are_woven(system):
+            return woven.advance(system, h, steps, method.iterations)
         return max((_implicit(system, h, method) for _ in range(steps)), default=0.0), None
     if isinstance(method, (Adaptive, XPBD)):
         return max((method.advance(system, h) for _ in range(steps)), default=0.0), None

@@ -24,6 +24,9 @@ from articulated.spatial import Vec3
 ONE_STAGE = ("euler", "semi_implicit")
 """Methods that ask once in a step what acts."""
 
+_STRIDE = 16
+"""How many elements on the next one is that is done."""
+
 Scalars = Sequence[Scalar]
 
 
@@ -62,7 +65,7 @@ def advance(system: Any, h: float, steps: int, solver: str) -> int:
     known, key = kernels_of(system.like), ("together", solver, system.forces, system.colliders)
     if (found := known.get(key)) is None:
         kernel = MeshKernel(_mesh(system, solver))
-        found = known[key] = kernel, _elements(system, kernel.lanes), [_filled(c, kernel.lanes) for c in _of_nodes(system)]
+        found = known[key] = kernel, elements_of(system, kernel.lanes), [filled(c, kernel.lanes) for c in of_nodes(system)]
     kernel, elements, constants = found
     if (laid := system.laid("together")) is None:
         laid = Rows.of(system, kernel.lanes)
@@ -103,26 +106,43 @@ def _mesh(system: Any, solver: str) -> Mesh:
     return Mesh("particles", count, 2, begin, laws, end, lambda numbers: [numbers[0] + numbers[1], numbers[1]])
 
 
-def _elements(system: Any, lanes: int) -> list[tuple[np.ndarray, list[np.ndarray]]]:
-    """Of each law between particles, whose they are and what it knows of each."""
+def elements_of(system: Any, lanes: int, group: int | None = None) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+    """Of each law between particles, whose they are and what it knows of each; a multiple of so many elements."""
+    group = lanes if group is None else group
     n, found = len(system.mass), []
     for force in system.forces:
         if force.particles is None:
             continue
         count, size = force.particles.shape
-        numbers = np.empty((-(-count // lanes) * lanes, size), np.int32)
-        numbers[:count], numbers[count:] = force.particles, n + np.arange(size)
+        numbers = np.empty((-(-count // group) * group, size), np.int32)
+        order = _apart(count)
+        numbers[:count], numbers[count:] = force.particles[order], n + np.arange(size)
         numbers *= SUM * 8
         blocks = np.ascontiguousarray(numbers.reshape(-1, lanes, size).transpose(0, 2, 1))
-        found.append((blocks, [_filled(c, lanes) for c in force.constants if c.ndim]))
+        found.append((blocks, [filled(c[order], group) for c in force.constants if c.ndim]))
     return found
 
 
-def _of_nodes(system: Any) -> list[np.ndarray]:
+def _apart(count: int) -> np.ndarray:
+    """So many elements in an order in which neighbours, which often have a particle in common, are not done one after another.
+
+    Sums would wait for each other. It is the same for all registers, and so are sums.
+    """
+    order, window = [], 8 * _STRIDE
+    for first in range(0, count, window):
+        some = min(window, count - first)
+        stride = -(-some // 8)
+        turned = np.arange(8 * stride).reshape(8, stride).T.ravel()
+        order.append(first + turned[turned < some])
+    return np.concatenate(order) if order else np.zeros(0, dtype=np.int64)
+
+
+def of_nodes(system: Any) -> list[np.ndarray]:
+    """What belongs to each particle, besides its row."""
     return [c for force in system.forces if force.particles is None for c in force.constants if c.ndim]
 
 
-def _filled(constants: np.ndarray, lanes: int) -> np.ndarray:
+def filled(constants: np.ndarray, lanes: int) -> np.ndarray:
     """One for each of a whole number of registers."""
     result = on_a_line((_size(len(constants), lanes),))
     result[: len(constants)], result[len(constants) :] = constants, constants[-1] if len(constants) else 0.0
