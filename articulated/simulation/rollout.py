@@ -29,9 +29,10 @@ from articulated.dynamics.boundary import GRAVITY, Argument
 from articulated.dynamics.calls import call, states
 from articulated.dynamics.mechanism import Mechanism
 from articulated.scalar import Nested, Scalar, flatten, rebuilt, repeat
-from articulated.simulation.cargo import Cargo, Freight
+from articulated.simulation.cargo import Cargo
 from articulated.simulation.control import Signal
 from articulated.simulation.forces import Forces
+from articulated.simulation.freight import Freight
 from articulated.simulation.methods import INTEGRATORS, Clock, Motion, Times, layout
 from articulated.simulation.runge_kutta import Point
 from articulated.simulation.scene import Numbers, Scene

@@ -17,13 +17,13 @@ from articulated.particles.attached import Attached
 from articulated.rig import Loop, Rig
 from articulated.scalar import flatten
 from articulated.simulation.actuation import PD, Stops
-from articulated.simulation.cargo import Freight
 from articulated.simulation.contact.candidates import ContactPoint
 from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground
 from articulated.simulation.contact.sensing import Contacts, contact_geometry, contact_links, contact_others
 from articulated.simulation.control import Signal
 from articulated.simulation.describe import described
+from articulated.simulation.freight import Freight
 from articulated.simulation.implicit.towing import size
 from articulated.simulation.methods import INTEGRATORS, Times
 from articulated.simulation.recording import trajectory_of

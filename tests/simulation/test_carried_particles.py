@@ -96,12 +96,15 @@ def test_the_ground_bears_what_hangs_on_a_rig():
     np.testing.assert_allclose(run.contact_forces[-1].sum(axis=0), (0.0, 0.0, 3.5 * G), atol=1e-3)
 
 
-@pytest.mark.parametrize("load", ["strands", "cloth on one", "cloth on two"])
+@pytest.mark.parametrize("load", ["strands", "cloth on one", "cloth on three", "a rope from the world"])
 def test_a_step_is_that_of_one_dense_system(load, rng):
     """Everything at once, rig and particles, with the mass matrix and Jacobians: all velocities agree."""
     rig, h = arm(), 4e-3
     if load == "strands":
         some = ap.hair_on("link1", rng.normal(size=(4, 3)) * 0.1, rng.normal(size=(4, 3)), 0.3, 5, 0.3, 1e3, 1e-3, 0.3)
+    elif load == "a rope from the world":
+        rope = ap.rope((0.3, 0.1, 0.0), (0.0, 0.0, -0.9), 7, 0.5, 1e3, 1e-2)
+        some = ap.Attached(rope.x, rope.mass, rope.forces, {"link2": [6], "base": [0]})
     else:
         cloth = ap.grid_cloth((0, 0, -0.2), (0.3, 0, 0), (0, 0.3, 0), 4, 3, 3.0, 500.0, bending=1e-2, damping=1e-3)
         roots = {"link1": [0, 2, 7]} if load == "cloth on one" else {"link2": [0, 11], "link0": [4], "link1": [8]}
@@ -117,6 +120,8 @@ def test_a_step_is_that_of_one_dense_system(load, rng):
             found.particles[:, 3:], expected[rig.nv :].reshape(-1, 3), atol=1e-9 * np.abs(expected).max()
         )
         assert np.abs(found.v - free.v).max() > 1e-3
+        if load == "a rope from the world":
+            np.testing.assert_array_equal(found.particles[0], [*some.x[0], 0.0, 0.0, 0.0])
 
 
 def dense_step(rig, some, start, v_free, h):
@@ -197,6 +202,17 @@ def test_batches_and_machine_code(puppet, rng, monkeypatch):
     np.testing.assert_allclose(other.particles.x, one.particles.x, atol=1e-11)
 
 
+def test_float32(puppet, rng):
+    """The rig's part; particles stay what they are."""
+    simulation = art.Simulation(puppet, dt=0.005, particles=tail())
+    v = rng.normal(size=puppet.nv)
+    wide = simulation.run(puppet.neutral(), v, duration=0.2, fps=20.0)
+    run = simulation.run(puppet.neutral().astype(np.float32), v.astype(np.float32), duration=0.2, fps=20.0)
+    assert run.q.dtype == np.float32 or np.abs(run.q - wide.q).max() > 0.0
+    np.testing.assert_allclose(run.q, wide.q, atol=1e-3)
+    np.testing.assert_allclose(run.particles.x, wide.particles.x, atol=1e-3)
+
+
 def test_steps_go_on_where_runs_do(puppet, rng):
     simulation = art.Simulation(puppet, dt=0.005, particles=tail(), substeps=2)
     v = rng.normal(size=(2, puppet.nv))
@@ -234,9 +250,9 @@ def test_hair_stays_out_of_what_it_avoids(shape):
     hair = ap.hair_on("head", [(0.01, 0.0, 0.11), (0.0, 0.02, 0.11)], (0, 0, 1), 0.3, 10, 0.02, 1e4, 1e-6, 0.1, avoids=["head"])
     run = art.Simulation(rig, dt=0.005, particles=hair).run(v0=[2.0], duration=1.0)
     from articulated.particles.points import vectors
-    from articulated.simulation.cargo import _collider
+    from articulated.simulation.freight import collider_of
 
-    collider, nearest = _collider(shape, "head", 0.0, 0.0), np.inf
+    collider, nearest = collider_of(shape, "head", 0.0, 0.0), np.inf
     for x, X in zip(run.particles.x, art.link_poses(rig, run.q)[:, rig.links["head"].index], strict=True):
         local = (np.delete(x, [0, 10], axis=0) - X[:3, 3]) @ X[:3, :3]
         nearest = min(nearest, collider.gap(0.0, vectors(local))[0].min())
