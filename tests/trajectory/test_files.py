@@ -86,7 +86,7 @@ class TestNpz:
             content = dict(data)
         content["about"] = json.dumps({"format": 99, "root": "free", "settings": {}})
         np.savez(tmp_path / "b.npz", **content)
-        with pytest.raises(ValueError, match="has format 99; this version reads up to 4: update articulated"):
+        with pytest.raises(ValueError, match="has format 99; this version reads up to 5: update articulated"):
             art.Trajectory.load(tmp_path / "b.npz")
 
     def test_shapes_that_do_not_fit_the_rig(self, run, tmp_path):
