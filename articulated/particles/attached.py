@@ -32,7 +32,7 @@ class Attached:
         forces: what acts on them, but for gravity, which is the simulation's.
         roots: of each link that carries some, by name, the numbers of these.
         frame: name of the link in whose axes x is; particles start where it takes them.
-        colliders: what they run into, in the world.
+        colliders: what they run into, in the world, besides the simulation's ground.
         avoids: names of links whose collision shapes they cannot enter; the links do not feel it.
         restitution, friction: of these shapes.
     """

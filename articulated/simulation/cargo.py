@@ -109,8 +109,8 @@ class _Load:
         free, t = system.inverse_mass > 0.0, system.time - self._h
         free[lot.roots] = False
         (x0, v0), h = before, self._h
-        if lot.attached.colliders:
-            x, v = _past(lot.attached.colliders, t, h, x0, v0, system.x, system.v)
+        if system.colliders:
+            x, v = _past(system.colliders, t, h, x0, v0, system.x, system.v)
             system.x, system.v = np.where(free[:, None], x, system.x), np.where(free[:, None], v, system.v)
         for link, pose, obstacle in lot.obstacles:
             X0, X1 = old[link] @ pose, new[link] @ pose

@@ -13,13 +13,19 @@ from articulated.dynamics.boundary import find_link
 from articulated.dynamics.functions import link_poses, link_velocities
 from articulated.dynamics.mechanism import WORLD, mechanism
 from articulated.particles.attached import Attached
-from articulated.particles.colliders import Box, Capsule, Collider, Sphere
+from articulated.particles.colliders import Box, Capsule, Collider, Plane, Sphere
 from articulated.particles.convex import Cylinder, Hull
 from articulated.particles.forces.gravity import Gravity
+from articulated.particles.height_field import HeightField
 from articulated.particles.system import System
 from articulated.rig import Rig
 from articulated.rig import shapes as rig_shapes
 from articulated.rig.mesh import found_mesh, read_mesh
+from articulated.simulation.contact import surfaces
+from articulated.simulation.contact.ground import Ground
+
+_FAR = 1e3
+"""How far stairs go on [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,8 +55,8 @@ class Lot:
     system: System
 
     @staticmethod
-    def of(rig: Rig, attached: Attached, gravity: Sequence[float]) -> Lot:
-        """On a rig, under an acceleration of free fall.
+    def of(rig: Rig, attached: Attached, gravity: Sequence[float], ground: Sequence[Collider]) -> Lot:
+        """On a rig, under an acceleration of free fall, above a ground.
 
         Raises:
             ValueError: it has no such link, or nothing that carries a root moves.
@@ -73,7 +79,8 @@ class Lot:
         places = np.array([inside(neutral[k], x[n]) for k, n in moving])
         owners = np.array([bodies.index(body[k]) for k in of])
         obstacles = tuple(_obstacles(rig, attached))
-        system = System(x, None, attached.mass, [Gravity(gravity), *attached.forces], attached.colliders, held)
+        colliders = [*attached.colliders, *ground]
+        system = System(x, None, attached.mass, [Gravity(gravity), *attached.forces], colliders, held)
         return Lot(attached, bodies, roots, of, owners, places, held, carrier, inside(neutral[carrier], x), obstacles, system)
 
 
@@ -90,9 +97,10 @@ class Freight:
     lots: tuple[Lot, ...]
 
     @staticmethod
-    def of(rig: Rig, attached: Sequence[Attached], gravity: Sequence[float]) -> Freight:
+    def of(rig: Rig, attached: Sequence[Attached], gravity: Sequence[float], ground: Ground | None) -> Freight:
         """See `Lot.of`."""
-        return Freight(rig, tuple(Lot.of(rig, some, gravity) for some in attached))
+        under = list(_grounds(ground)) if ground is not None else []
+        return Freight(rig, tuple(Lot.of(rig, some, gravity, under) for some in attached))
 
     @property
     def carriers(self) -> tuple[tuple[int, ...], ...]:
@@ -155,6 +163,24 @@ def _obstacles(rig: Rig, attached: Attached) -> Iterator[tuple[int, np.ndarray, 
             collider = collider_of(shape.geometry, name, attached.restitution, attached.friction)
             if collider is not None:
                 yield link.index, shape.pose, collider
+
+
+def _grounds(ground: Ground) -> Iterator[Collider]:
+    """What a ground is to particles; it stands still."""
+    material = ground.material
+    surface: dict[str, Any] = {"restitution": material.restitution, "friction": material.friction}
+    for one in ground.surfaces if isinstance(ground.surfaces, tuple) else ():
+        if isinstance(one, surfaces.HeightField):
+            yield HeightField(one.heights, one.spacing, one.origin, **surface)
+        elif isinstance(one, surfaces.Plane):
+            yield Plane(one.normal, one.point, **surface)
+        else:
+            yield Plane((0.0, 0.0, 1.0), one.start, **surface)
+            c, s = np.cos(one.heading), np.sin(one.heading)
+            axes = np.array([(c, -s, 0.0), (s, c, 0.0), (0.0, 0.0, 1.0)])
+            for k in range(one.count):  # each with all that is below and behind it
+                edge = np.array(one.start) + axes @ (k * one.run, 0.0, (k + 1) * one.rise)
+                yield Box(edge + axes @ (0.5 * _FAR, 0.0, -0.5 * _FAR), (_FAR, _FAR, _FAR), axes, **surface)
 
 
 def collider_of(geometry: rig_shapes.Geometry, link: str, restitution: float, friction: float) -> Collider | None:

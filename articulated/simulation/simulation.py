@@ -135,7 +135,8 @@ class Simulation:
         for one in some:
             if not isinstance(one, Attached):
                 raise ValueError(f"particles holds {one!r}; expected particles.Attached(…), as hair_on(…) makes them")
-        return Freight.of(self.rig, some, gravity) if some else None
+        ground = Ground() if self.ground is True else self.ground or None
+        return Freight.of(self.rig, some, gravity, ground) if some else None
 
     def reset(
         self,

@@ -259,6 +259,33 @@ def test_hair_stays_out_of_what_it_avoids(shape):
     assert -1e-7 < nearest < 0.001
 
 
+GROUNDS = {
+    "plane": art.Ground(art.Plane((0.2, 0.0, 1.0)), friction=0.4),
+    "hills": art.Ground(
+        art.HeightField(0.1 * np.sin(np.arange(60.0)).reshape(6, 10).cumsum(axis=0), (0.4, 0.4), (-2.0, -1.0, 0.0))
+    ),
+    "stairs": art.Ground(art.Stairs(0.15, 0.3, 4, (-0.5, 0.0, 0.0), 0.3)),
+}
+
+
+@pytest.mark.parametrize("ground", GROUNDS)
+def test_particles_lie_on_the_ground_of_the_rig(ground):
+    rig = art.loose_body(art.Sphere(0.1), 1.0)
+    rope = ap.hair_on("body", [(0.0, 0.0, 0.1), (0.1, 0.0, 0.0)], [(1, 1, 0), (-1, 0, 0)], 0.8, 9, 0.1, 1e4, 1e-4, 1.0)
+    simulation = art.Simulation(rig, dt=0.005, ground=GROUNDS[ground], particles=rope)
+    run = simulation.run((0, 0, 1.5, 0, 0, 0, 1), duration=1.5, fps=20)
+    from articulated.particles.points import vectors
+
+    colliders = simulation._world.freight.lots[0].system.colliders
+    x = np.delete(run.particles.x, [0, 9], axis=1)
+    gaps = np.array([[collider.gap(0.0, vectors(frame))[0] for collider in colliders] for frame in x])
+    nearest = gaps.min(axis=1)
+    assert nearest.min() > -1e-4
+    assert (nearest[-1] < 1e-3).mean() > 0.5
+    deepest = -run.contact_gaps[-1].min()
+    assert deepest < 3e-3  # it rolls
+
+
 class TestErrors:
     def test_attached(self):
         x = np.zeros((3, 3)) + np.arange(3)[:, None]
