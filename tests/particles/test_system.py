@@ -124,9 +124,9 @@ class TestWhatIsKept:
         p, L = system.momentum()
         after(system, 2.0, 1000, solver)
         now = system.momentum()
-        np.testing.assert_allclose(now[0], p, atol=1e-12 * 20)
+        np.testing.assert_allclose(now[0], p, rtol=0, atol=1e-12 * 20)
         if solver == "semi_implicit":  # the others keep it to their order
-            np.testing.assert_allclose(now[1], L, atol=1e-12 * 100)
+            np.testing.assert_allclose(now[1], L, rtol=0, atol=1e-12 * 100)
 
     def test_energy_of_springs_without_damping(self, rng):
         pairs = [(i, i + 1) for i in range(9)]
