@@ -7,6 +7,7 @@ import pytest
 from test_chains import dense, strands
 
 from articulated import particles as ap
+from articulated.compiler.machine import _levels
 from articulated.scalar import sqrt
 
 H, LINEAR = 5e-3, ap.ImplicitEuler(turns=1)
@@ -111,6 +112,17 @@ def test_the_same_bits_for_any_number_of_threads_and_in_any_company():
     alone.step(H, LINEAR, 5)
     few.step(H, LINEAR, 5)
     assert alone.x.tobytes() == few.x[some].tobytes()
+
+
+def test_the_same_bits_on_any_registers(monkeypatch):
+    found = []
+    for level in _levels():
+        monkeypatch.setenv("ARTICULATED_SIMD", level)
+        system = strands(11, 9)
+        system.step(H, LINEAR, 5)
+        found.append(np.concatenate([system.x, system.v]).tobytes())
+    assert len(found) > 1
+    assert len(set(found)) == 1
 
 
 def _part(force, some):
