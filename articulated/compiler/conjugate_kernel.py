@@ -14,7 +14,6 @@ from articulated.compiler.kernels import Kernel, kept
 from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
 from articulated.compiler.rows import ROW, SUM, TILE, RowWriter, differences, opposite, scattered
 from articulated.compiler.straight import Parts
-from articulated.compiler.transfers import transposed
 
 _GROUP = 8
 """Nodes, or elements, that are counted together."""
@@ -86,8 +85,8 @@ class _Writer(RowWriter):
     """The kernel being written."""
 
     def __init__(self, work: Implicit, passes: Passes, f: Format):
-        super().__init__(f)
-        self.work, self.passes, self.parts = work, passes, _GROUP // f.lanes
+        super().__init__(f, _GROUP // f.lanes)
+        self.work, self.passes = work, passes
         t, at = self.t, count()
 
         def pointer() -> str:
@@ -147,7 +146,7 @@ class _Writer(RowWriter):
         """B, and the first z and p; r · z and p · own p."""
 
         def body(block: str, sums: Sequence[str]) -> list[str]:
-            b = self._of_sums(block)
+            b = self._three(self.sums, block)
             given = [*self._row(self._nodes(self.rows, block)), *b, *self._row(self._nodes(self.diagonals, block))[:6]]
             done = self._work(self.passes.settle, [*given, *self._own(block)])
             B, z = done[:6], done[6:9]
@@ -172,7 +171,7 @@ class _Writer(RowWriter):
             given = [x for first, n in ((_R, 3), (_D, 3), (_P, 3)) for x in self._planes(first, n, block)]
             done = self._work(
                 self.passes.sweep,
-                [alpha, *given, *self._of_sums(block), *self._planes(_B, 6, block), *self._own(block)],
+                [alpha, *given, *self._three(self.sums, block), *self._planes(_B, 6, block), *self._own(block)],
             )
             self._put_planes(_R, block, done[:9])
             return [self._plus(sums[0], done[9])]
@@ -264,29 +263,6 @@ class _Writer(RowWriter):
 
         return self._in_tiles(groups, sums, act, scatter)
 
-    def _in_tiles(
-        self,
-        groups: str,
-        sums: list[str],
-        act: Callable[[str, str, Sequence[str]], list[str]],
-        scatter: Callable[[str, str], None],
-    ) -> list[str]:
-        """All blocks of elements, some at a time: first what they do, then where it goes."""
-        t, width = self.t, TILE // self.parts
-        with t.loop(t.integer("sdiv", t.integer("add", groups, width - 1), width), t.V, sums) as tile:
-            first = t.integer("mul", tile.k, width)
-            here = t.integer("smin", t.integer("sub", groups, first), width)
-            with t.loop(here, t.V, tile.values) as turn:
-                for part in range(self.parts):
-                    block = t.integer("add", t.integer("mul", t.integer("add", first, turn.k), self.parts), part)
-                    place = t.integer("add", t.integer("mul", turn.k, self.parts), part)
-                    turn.following += act(block, place, turn.values[part : part + 1])
-            start = t.integer("mul", first, self.parts)
-            with t.loop(t.integer("mul", here, self.parts)) as other:
-                scatter(t.integer("add", start, other.k), other.k)
-            tile.following = turn.values
-        return tile.values
-
     # places
 
     def _over_nodes(self, sums: int, body: Callable[[str, Sequence[str]], list[str]]) -> list[str]:
@@ -320,25 +296,6 @@ class _Writer(RowWriter):
     def _minus(self, a: str, b: str) -> str:
         return self.t.let(f"fsub <{self.part} x {self.f.number}> {a}, {b}")
 
-    def _add(self, place: str, parts: Sequence[str]) -> None:
-        """To a row of four."""
-        kind = f"<{self.part} x {self.f.number}>"
-        before = self._take(place)
-        self._put(place, [self.t.let(f"fadd {kind} {a}, {b}") for a, b in zip(before, parts, strict=True)])
-
-    def _of_sums(self, block: str) -> list[str]:
-        return self._columns([self._take(place) for place in self._nodes(self.sums, block, SUM)])[:3]
-
-    def _put_rows(self, base: str, block: str, numbers: Sequence[str]) -> None:
-        for place, parts in zip(self._nodes(base, block, SUM), self._as_rows(numbers), strict=True):
-            self._put(place, parts)
-
-    def _put_wide(self, places: Sequence[str], numbers: Sequence[str]) -> None:
-        t, f = self.t, self.f
-        for k in range(0, ROW, f.lanes):
-            for place, x in zip(places, transposed(t, numbers[k : k + f.lanes]), strict=True):
-                t.do(f"store {t.V} {x}, ptr {t.at(place, k * f.bytes)}, align {f.vector_bytes}")
-
     def _own(self, block: str) -> list[str]:
         return self._planes(_OWN, self.passes.own.planes, block)
 
@@ -355,17 +312,3 @@ class _Writer(RowWriter):
         t = self.t
         here = t.at(self.planes, t.integer("mul", block, self.f.vector_bytes))
         return [t.at(here, t.integer("mul", self.stride, k)) for k in range(first, first + count)]
-
-    def _waiting(self, place: str, width: int) -> str:
-        """Where numbers of a block of a tile wait."""
-        return self.t.at("%scratch", self.t.integer("mul", place, width * self.f.vector_bytes))
-
-    def _at(self, place: str, count: int, first: int = 0, block: str | None = None) -> list[str]:
-        """Numbers of a block that stand side by side."""
-        t, size = self.t, self.f.vector_bytes
-        here = place if block is None else t.at(place, t.integer("mul", block, count * size))
-        return [t.load(t.at(here, k * size), t.V, size) for k in range(first, first + count)]
-
-    def _put_at(self, place: str, numbers: Sequence[str]) -> None:
-        for k, x in enumerate(numbers):
-            self.t.do(f"store {self.t.V} {x}, ptr {self.t.at(place, k * self.f.vector_bytes)}, align {self.f.vector_bytes}")

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from typing import Any
 
@@ -22,7 +23,6 @@ from articulated.compiler.kernels import Kernel, kept
 from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
 from articulated.compiler.rows import ROW, SUM, TILE, RowWriter, differences, scattered
 from articulated.compiler.straight import Straight
-from articulated.compiler.transfers import transposed
 from articulated.scalar import Scalar
 
 _LANES = 8
@@ -168,26 +168,15 @@ class _Writer(RowWriter):
             with t.loop(blocks) as block:
                 here = self._nodes(rows, block.k)
                 done = self._work(begin, [*self._row(here), *self._constants(constants, block.k), *numbers])
-                places = self._nodes(sums, block.k, SUM)
-                for place, parts in zip(places, self._as_rows(done), strict=True):
-                    self._put(place, parts)
+                self._put_rows(sums, block.k, done)
             for (nodes, given), law, one, some in zip(elements, mesh.elements, laws, counts, strict=True):
-                tiles = t.integer("sdiv", t.integer("add", some, TILE - 1), TILE)
-                with t.loop(tiles) as tile:
-                    first = t.integer("mul", tile.k, TILE)
-                    here = t.integer("smin", t.integer("sub", some, first), TILE)
-                    with t.loop(here) as turn:
-                        block = t.integer("add", first, turn.k)
-                        self._act(law, one, rows, nodes, self._constants(given, block), block, turn.k, numbers)
-                    with t.loop(here) as turn:
-                        self._put_to_sums(law, one, sums, nodes, t.integer("add", first, turn.k), turn.k)
+                act = partial(self._act, law, one, rows, nodes, given, numbers)
+                self._in_tiles(some, [], act, partial(self._put_to_sums, law, one, sums, nodes))
             with t.loop(blocks, t.V, step.values[-1:]) as block:
                 here = self._nodes(rows, block.k)
-                done = self._columns([self._take(place) for place in self._nodes(sums, block.k, SUM)])[:3]
+                done = self._three(sums, block.k)
                 new = self._work(end, [*self._row(here), *done, *self._constants(constants, block.k), *numbers])
-                for k in range(0, ROW, f.lanes):
-                    for place, x in zip(here, transposed(t, new[k : k + f.lanes]), strict=True):
-                        t.do(f"store {t.V} {x}, ptr {t.at(place, k * f.bytes)}, align {f.vector_bytes}")
+                self._put_wide(here, new)
                 block.following = [t.marked(block.values[0], new)]
             step.following = [*self._work(go_on, numbers), *block.values]
         flags = t.flag(step.values[-1], NOT_FINITE_OUT)
@@ -201,30 +190,27 @@ class _Writer(RowWriter):
         rows: str,
         nodes: str,
         constants: Sequence[str],
+        numbers: Sequence[str],
         block: str,
         place: str,
-        numbers: Sequence[str],
-    ) -> None:
+        _: Sequence[str],
+    ) -> list[str]:
         """What a block of elements does, put where it waits to be scattered."""
         t, size = self.t, ROW // SUM
         places = [[t.at(rows, t.integer("mul", x, size)) for x in some] for some in self._numbered(law.nodes, nodes, block)]
         first = law.constants + len(numbers)
-        rest = dict(zip(one.inputs[:first], [*constants, *numbers], strict=True))
+        rest = dict(zip(one.inputs[:first], [*self._constants(constants, block), *numbers], strict=True))
         if law.nodes == 2 and (apart := differences(one, ROW)) is not None:
             gathered = {apart[k]: x for k, x in enumerate(self._row(places[0], places[1])) if k in apart}
         else:
             gathered = dict(zip(one.inputs[first:], [x for some in places for x in self._row(some)], strict=True))
         done = one.written(t, gathered | rest)
-        for k, x in enumerate(done[n] for n in scattered(one, law.nodes)):
-            t.do(f"store {t.V} {x}, ptr {self._waiting(law, one, place, k)}, align {self.f.vector_bytes}")
+        some = scattered(one, law.nodes)
+        self._put_at(self._waiting(place, len(some)), [done[n] for n in some])
+        return []
 
     def _put_to_sums(self, law: Elements, one: Straight, sums: str, nodes: str, block: str, place: str) -> None:
         """Add what a block of elements did to the sums of its nodes."""
-        some = enumerate(scattered(one, law.nodes))
-        done = {n: self.t.load(self._waiting(law, one, place, k), self.t.V, self.f.vector_bytes) for k, n in some}
+        some = scattered(one, law.nodes)
+        done = dict(zip(some, self._at(self._waiting(place, len(some)), len(some)), strict=True))
         self._scatter(one, law.nodes, sums, self._numbered(law.nodes, nodes, block), done)
-
-    def _waiting(self, law: Elements, one: Straight, place: str, k: int) -> str:
-        """Where the k-th number of a block of a tile waits."""
-        size = self.f.vector_bytes
-        return self.t.at(self.t.at("%scratch", self.t.integer("mul", place, len(scattered(one, law.nodes)) * size)), k * size)

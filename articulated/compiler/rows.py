@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from articulated.compiler.graph import operands
 from articulated.compiler.ir import Format, Text
@@ -46,12 +46,12 @@ def scattered(one: Straight, count: int) -> list[int]:
 class RowWriter:
     """A kernel on rows of nodes being written."""
 
-    def __init__(self, f: Format):
-        self.f, self.t, self.part = f, Text(f), min(SUM, f.lanes)
+    def __init__(self, f: Format, parts: int = 1):
+        """Of elements that are counted in groups of so many blocks."""
+        self.f, self.t, self.part, self.parts = f, Text(f), min(SUM, f.lanes), parts
 
     def _scatter(self, one: Straight, count: int, sums: str, numbered: Sequence[Sequence[str]], done: dict[int, str]) -> None:
         """Add what a block of elements does to so many nodes to their sums, element by element."""
-        t, kind = self.t, f"<{self.part} x {self.f.number}>"
         first = self._as_rows([done[n] for n in range(3)])
         parts = [
             (first, "fsub") if opposite(one, k) else (self._as_rows([done[n] for n in range(3 * k, 3 * k + 3)]), "fadd")
@@ -59,9 +59,36 @@ class RowWriter:
         ]
         for lane in range(self.f.lanes):
             for k, (of_lanes, operation) in enumerate(parts):
-                at = t.at(sums, numbered[k][lane])
-                before = self._take(at)
-                self._put(at, [t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, of_lanes[lane], strict=True)])
+                self._add(self.t.at(sums, numbered[k][lane]), of_lanes[lane], operation)
+
+    def _add(self, place: str, parts: Sequence[str], operation: str = "fadd") -> None:
+        """To a row of four, or take off it."""
+        kind = f"<{self.part} x {self.f.number}>"
+        before = self._take(place)
+        self._put(place, [self.t.let(f"{operation} {kind} {a}, {b}") for a, b in zip(before, parts, strict=True)])
+
+    def _in_tiles(
+        self,
+        groups: str,
+        sums: list[str],
+        act: Callable[[str, str, Sequence[str]], list[str]],
+        scatter: Callable[[str, str], None],
+    ) -> list[str]:
+        """All blocks of elements, some at a time: first what they do, then where it goes."""
+        t, width = self.t, TILE // self.parts
+        with t.loop(t.integer("sdiv", t.integer("add", groups, width - 1), width), t.V, sums) as tile:
+            first = t.integer("mul", tile.k, width)
+            here = t.integer("smin", t.integer("sub", groups, first), width)
+            with t.loop(here, t.V, tile.values) as turn:
+                for part in range(self.parts):
+                    block = t.integer("add", t.integer("mul", t.integer("add", first, turn.k), self.parts), part)
+                    place = t.integer("add", t.integer("mul", turn.k, self.parts), part)
+                    turn.following += act(block, place, turn.values[part : part + 1])
+            start = t.integer("mul", first, self.parts)
+            with t.loop(t.integer("mul", here, self.parts)) as other:
+                scatter(t.integer("add", start, other.k), other.k)
+            tile.following = turn.values
+        return tile.values
 
     def _numbered(self, count: int, nodes: str, block: str) -> list[list[str]]:
         """Where the sums of a block's nodes begin."""
@@ -131,3 +158,33 @@ class RowWriter:
         t, f, kind = self.t, self.f, f"<{self.part} x {self.f.number}>"
         for k, x in enumerate(parts):
             t.do(f"store {kind} {x}, ptr {t.at(place, k * self.part * f.bytes)}, align {self.part * f.bytes}")
+
+    def _three(self, base: str, block: str) -> list[str]:
+        """Three numbers of a block of nodes, from rows of four."""
+        return self._columns([self._take(place) for place in self._nodes(base, block, SUM)])[:3]
+
+    def _put_rows(self, base: str, block: str, numbers: Sequence[str]) -> None:
+        """Up to four numbers of a block of nodes, into rows of four."""
+        for place, parts in zip(self._nodes(base, block, SUM), self._as_rows(numbers), strict=True):
+            self._put(place, parts)
+
+    def _put_wide(self, places: Sequence[str], numbers: Sequence[str]) -> None:
+        """All numbers of some rows of nodes."""
+        t, f = self.t, self.f
+        for k in range(0, ROW, f.lanes):
+            for place, x in zip(places, transposed(t, numbers[k : k + f.lanes]), strict=True):
+                t.do(f"store {t.V} {x}, ptr {t.at(place, k * f.bytes)}, align {f.vector_bytes}")
+
+    def _waiting(self, place: str, width: int) -> str:
+        """Where numbers of a block of a tile wait."""
+        return self.t.at("%scratch", self.t.integer("mul", place, width * self.f.vector_bytes))
+
+    def _at(self, place: str, count: int, first: int = 0, block: str | None = None) -> list[str]:
+        """Numbers of a block that stand side by side."""
+        t, size = self.t, self.f.vector_bytes
+        here = place if block is None else t.at(place, t.integer("mul", block, count * size))
+        return [t.load(t.at(here, k * size), t.V, size) for k in range(first, first + count)]
+
+    def _put_at(self, place: str, numbers: Sequence[str]) -> None:
+        for k, x in enumerate(numbers):
+            self.t.do(f"store {self.t.V} {x}, ptr {self.t.at(place, k * self.f.vector_bytes)}, align {self.f.vector_bytes}")
