@@ -85,25 +85,26 @@ class Chained:
 
     @staticmethod
     def of(scan: Scan, carried: np.ndarray, fixed: np.ndarray, lanes: int) -> Chained:
-        """From shapes (chains, nodes, carried) and (chains, nodes, fixed)."""
-        chains = len(carried)
-        blocks = -(-max(chains, 1) // lanes)
-
-        def laid(given: np.ndarray) -> np.ndarray:
-            array = on_a_line((blocks, scan.length, given.shape[2], lanes))
-            whole = np.zeros((blocks * lanes, *given.shape[1:]))
-            whole[:chains], whole[chains:] = given, given[-1:] if chains else 0.0
-            array[:] = whole.reshape(blocks, lanes, *given.shape[1:]).transpose(0, 2, 3, 1)
-            return array
-
+        """From what is carried, shape (chains, nodes, carried), and what is fixed, laid out already."""
         rooted = scan.root is not None
-        room = on_a_line((blocks, scan.length if rooted else 0, scan.kept, lanes))
-        return Chained(laid(carried), laid(fixed), room, on_a_line((blocks, scan.results + scan.passed, lanes)))
+        room = on_a_line((len(fixed), scan.length if rooted else 0, scan.kept, lanes))
+        return Chained(laid_out(carried, lanes), fixed, room, on_a_line((len(fixed), scan.results + scan.passed, lanes)))
 
     def nodes(self, chains: int) -> np.ndarray:
         """What is carried, shape (chains, nodes, carried)."""
         blocks, length, size, lanes = self.carried.shape
         return self.carried.transpose(0, 3, 1, 2).reshape(blocks * lanes, length, size)[:chains]
+
+
+def laid_out(given: np.ndarray, lanes: int) -> np.ndarray:
+    """Numbers of shape (chains, nodes, k) as (blocks, nodes, k, lanes); the last chain again until registers are full."""
+    chains, *rest = given.shape
+    blocks = -(-max(chains, 1) // lanes)
+    whole = np.zeros((blocks * lanes, *rest))
+    whole[:chains], whole[chains:] = given, given[-1:] if chains else 0.0
+    array = on_a_line((blocks, *rest, lanes))
+    array[:] = whole.reshape(blocks, lanes, *rest).transpose(0, 2, 3, 1)
+    return array
 
 
 class ScanKernel:

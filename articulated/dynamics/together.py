@@ -60,7 +60,7 @@ class Together:
             self._add(rows, pull, self._between[pair])
         for (i, j), blocks in self._cross.items():
             for block in blocks:
-                self._add_cross(rows, block, self._motions(i), self._motions(j))
+                self._add_cross(rows, block, *(_between(self._tree, k, WORLD) for k in (i, j)))
         groups, coupled = self._groups(rows, load)
         return Elimination(ArticulatedInertia.zero(), Force.zero(), {}, _closed(rows, groups, coupled))
 
@@ -89,7 +89,7 @@ class Together:
         for pair, pull in load.pairs.items():
             add(self._between[pair], where(pull.acts, 1.0, 0.0))
         for i, j in self._cross:
-            add({**self._motions(i), **self._motions(j)}, True)
+            add({s for k in (i, j) for s in _between(self._tree, k, WORLD)}, True)
         order = elimination_order(coupled, len(names))
         place = {g: n for n, g in enumerate(order)}
         groups = [[s for s in rows if number[s] == g] for g in order]
@@ -152,14 +152,6 @@ class Together:
             rows[s].D[t] = rows[t].D[s] = d
         for s, u in zip(between, new[len(entries) :], strict=True):
             rows[s].u = u
-
-    def _motions(self, i: int) -> dict[int, Motion]:
-        """Of a body, for each coordinate that moves it."""
-        result: dict[int, Motion] = {}
-        for k in self._mechanism.support(i):
-            for column, s in zip(self._tree.S[k], self._mechanism.joints[k].v, strict=True):
-                result[s] = result[s] + column if s in result else column
-        return result
 
     @staticmethod
     def _add_cross(rows: dict[int, Row], block: Cross, own: Mapping[int, Motion], other: Mapping[int, Motion]) -> None:

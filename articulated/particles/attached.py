@@ -8,13 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from articulated.particles.check import elements, in_range, numbers, per_element, positive, settle
+from articulated.particles.builders import along_strands, shares
+from articulated.particles.check import at_least_two, elements, in_range, numbers, per_element, positive, settle
 from articulated.particles.colliders import Collider
-from articulated.particles.forces.bending import Bending
 from articulated.particles.forces.drag import Drag
-from articulated.particles.forces.force import Force, Law
+from articulated.particles.forces.force import Force
 from articulated.particles.forces.gravity import Gravity
-from articulated.particles.forces.springs import Springs
 from articulated.particles.shown import segments, triangles
 
 
@@ -127,27 +126,17 @@ def hair_on(
     size = np.linalg.norm(along, axis=1)
     if not size.all():
         raise ValueError(f"hair_on: directions[{int(np.argmin(size))}] is the zero vector; give the strand a direction")
-    if not isinstance(particles, (int, np.integer)) or particles < 2:
-        raise ValueError(f"hair_on: particles is {particles!r}; expected a whole number, 2 or more")
+    n = at_least_two("hair_on: particles", particles)
     lengths, masses = (_of_each(f"hair_on: {name}", value, len(start)) for name, value in (("length", length), ("mass", mass)))
-    k, n = len(start), int(particles)
     way = np.linspace(0.0, 1.0, n)
     x = start[:, None] + way[:, None] * (along / size[:, None] * lengths[:, None])[:, None]
-    shares = np.full(n, 1.0 / (n - 1))
-    shares[[0, -1]] *= 0.5
-    number, step = np.arange(k * n).reshape(k, n), lengths / (n - 1)
-    stiffness, damping = positive("hair_on: stiffness", stiffness), positive("hair_on: damping", damping, zero=True)
-    pairs = np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], axis=1)
-    of_step = np.repeat(step, n - 1)
-    forces: list[Law] = [Springs(pairs, stiffness / of_step, damping / of_step, of_step)]
-    if positive("hair_on: bending", bending, zero=True) > 0.0 and n > 2:
-        triples = np.stack([number[:, :-2], number[:, 1:-1], number[:, 2:]], axis=-1).reshape(-1, 3)
-        forces.append(Bending(triples, np.repeat(bending / step**3, n - 2)))
+    number = np.arange(len(start) * n).reshape(-1, n)
+    forces = along_strands("hair_on", number, lengths / (n - 1), stiffness, bending, damping)
     if positive("hair_on: drag", drag, zero=True) > 0.0:
         forces.append(Drag(drag, wind))
     elif wind is not None:
         raise ValueError("hair_on: there is wind but no drag, so nothing feels it; give drag")
-    mass_of_each = (masses[:, None] * shares).ravel()
+    mass_of_each = (masses[:, None] * shares(n)).ravel()
     return Attached(x.reshape(-1, 3), mass_of_each, forces, {link: number[:, 0]}, link, colliders, avoids, friction=friction)
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from articulated.particles.check import elements, in_range, numbers, positive, vector
+from articulated.particles.check import at_least_two, elements, in_range, numbers, positive, vector
 from articulated.particles.forces.bending import Bending, hinge_weights
 from articulated.particles.forces.force import Law
 from articulated.particles.forces.springs import Springs
@@ -56,18 +56,36 @@ def rope(
         ValueError: it has no length, or too few particles, or a number makes no sense.
     """
     a, b = vector("rope: start", start), vector("rope: end", end)
-    count = _count("rope: particles", particles)
+    count = at_least_two("rope: particles", particles)
     step = float(np.linalg.norm(b - a)) / (count - 1)
     if not step > 0.0:
         raise ValueError("rope: start and end are in one place; give it a length")
-    stiffness, damping = positive("rope: stiffness", stiffness), positive("rope: damping", damping, zero=True)
-    masses = np.full(count, positive("rope: mass", mass) / (count - 1))
-    masses[[0, -1]] *= 0.5
-    number = np.arange(count)
-    forces: list[Law] = [Springs(np.stack([number[:-1], number[1:]], axis=1), stiffness / step, damping / step, step)]
-    if positive("rope: bending", bending, zero=True) > 0.0 and count > 2:
-        forces.append(Bending(np.stack([number[:-2], number[1:-1], number[2:]], axis=1), bending / step**3))
+    forces = along_strands("rope", np.arange(count)[None], step, stiffness, bending, damping)
+    masses = positive("rope: mass", mass) * shares(count)
     return Fabric(np.linspace(a, b, count), masses, tuple(forces), np.zeros((0, 3), dtype=np.int64))
+
+
+def shares(count: int) -> np.ndarray:
+    """Of a strand's mass, what each of so many particles has: the ends half."""
+    parts = np.full(count, 1.0 / (count - 1))
+    parts[[0, -1]] *= 0.5
+    return parts
+
+
+def along_strands(
+    name: str, number: np.ndarray, step: float | np.ndarray, stiffness: float, bending: float, damping: float
+) -> list[Law]:
+    """What acts along strands of the particles `number`, shape (k, n), a `step` apart: one for all, or each its own, (k,)."""
+    n = number.shape[1]
+    stiffness, damping = positive(f"{name}: stiffness", stiffness), positive(f"{name}: damping", damping, zero=True)
+    length = np.repeat(step, n - 1) if np.ndim(step) else step
+    pairs = np.stack([number[:, :-1].ravel(), number[:, 1:].ravel()], axis=1)
+    forces: list[Law] = [Springs(pairs, stiffness / length, damping / length, length)]
+    if positive(f"{name}: bending", bending, zero=True) > 0.0 and n > 2:
+        triples = np.stack([number[:, :-2], number[:, 1:-1], number[:, 2:]], axis=-1).reshape(-1, 3)
+        stiff = bending / step**3
+        forces.append(Bending(triples, np.repeat(stiff, n - 2) if np.ndim(step) else stiff))
+    return forces
 
 
 def grid_cloth(
@@ -98,7 +116,7 @@ def grid_cloth(
         ValueError: it has no area, or too few particles, or a number makes no sense.
     """
     origin, u, v = (vector(f"grid_cloth: {name}", x) for name, x in (("corner", corner), ("along", along), ("across", across)))
-    r, c = _count("grid_cloth: rows", rows), _count("grid_cloth: columns", columns)
+    r, c = at_least_two("grid_cloth: rows", rows), at_least_two("grid_cloth: columns", columns)
     if not np.linalg.norm(np.cross(u, v)) > 1e-9 * np.linalg.norm(u) * np.linalg.norm(v):
         raise ValueError("grid_cloth: along and across have one direction, or none; expected the sides of a rectangle")
     i, j = np.unravel_index(np.arange(r * c), (r, c))
@@ -185,9 +203,3 @@ def _hinges(triangles: np.ndarray) -> np.ndarray:
     same = (ends[first] == ends[second]).all(axis=1)
     first, second = first[same], second[same]
     return np.stack([*ends[first].T, sides[first, 2], sides[second, 2]], axis=1)
-
-
-def _count(name: str, value: Any) -> int:
-    if not isinstance(value, (int, np.integer)) or value < 2:
-        raise ValueError(f"{name} is {value!r}; expected a whole number, 2 or more")
-    return int(value)

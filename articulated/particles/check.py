@@ -99,6 +99,17 @@ def in_range(name: str, array: np.ndarray, count: int) -> None:
         raise ValueError(f"{name}{list(where)} is {array[where]}; there are {count} particles, the last is {count - 1}")
 
 
+def at_least_two(name: str, value: Any) -> int:
+    """A whole number, 2 or more.
+
+    Raises:
+        ValueError: it is not.
+    """
+    if not isinstance(value, (int, np.integer)) or value < 2:
+        raise ValueError(f"{name} is {value!r}; expected a whole number, 2 or more")
+    return int(value)
+
+
 def mask(name: str, value: Any, n: int) -> np.ndarray:
     """Which of n particles, from their numbers or a mask.
 

@@ -46,6 +46,11 @@ class Collider(ABC):
             raise ValueError(f"{name}: restitution is {restitution:g}; expected 0 to 1: more would make energy")
         settle(self, restitution=restitution, friction=positive(f"{name}: friction", self.friction, zero=True))
 
+    @property
+    def reach(self) -> float:
+        """The radius of the ball about the origin that holds it [m]."""
+        return float(np.inf)
+
     @abstractmethod
     def gap(self, t: Scalar, x: Vec3) -> tuple[Scalar, Vec3]:
         """How far a point is outside, negative inside [m], and the unit normal there, outwards."""
@@ -126,6 +131,10 @@ class Sphere(Collider):
         settle(self, center=vector("Sphere: center", self.center), radius=positive("Sphere: radius", self.radius))
         self._check_surface()
 
+    @property
+    def reach(self) -> float:
+        return float(np.linalg.norm(self.center)) + self.radius
+
     def gap(self, t: Scalar, x: Vec3) -> tuple[Scalar, Vec3]:
         return _outside(x - Vec3.of(self.center.tolist()), self.radius)
 
@@ -149,6 +158,10 @@ class Capsule(Collider):
     def __post_init__(self) -> None:
         settle(self, ends=numbers("Capsule: ends", self.ends, (2, 3)), radius=positive("Capsule: radius", self.radius))
         self._check_surface()
+
+    @property
+    def reach(self) -> float:
+        return float(np.linalg.norm(self.ends, axis=1).max()) + self.radius
 
     def gap(self, t: Scalar, x: Vec3) -> tuple[Scalar, Vec3]:
         a, b = (Vec3.of(end.tolist()) for end in self.ends)
@@ -188,6 +201,10 @@ class Box(Collider):
             raise ValueError("Box: axes are no rotation; give it three unit vectors, square to each other, as columns")
         settle(self, center=center, size=size, axes=axes)
         self._check_surface()
+
+    @property
+    def reach(self) -> float:
+        return float(np.linalg.norm(self.center) + 0.5 * np.linalg.norm(self.size))
 
     def gap(self, t: Scalar, x: Vec3) -> tuple[Scalar, Vec3]:
         R = Mat3.of(self.axes.tolist())

@@ -33,6 +33,10 @@ class Cylinder(Collider):
             settle(self, **{name: positive(f"Cylinder: {name}", getattr(self, name))})
         self._check_surface()
 
+    @property
+    def reach(self) -> float:
+        return float(np.hypot(self.radius, 0.5 * self.length))
+
     def gap(self, t: Scalar, x: Vec3) -> tuple[Scalar, Vec3]:
         square = x.x * x.x + x.y * x.y
         is_off = square > 0.0
@@ -75,22 +79,13 @@ class Hull(Collider):
         settle(self, points=points, _faces=faces)
         self._check_surface()
 
+    @property
+    def reach(self) -> float:
+        return float(np.linalg.norm(self.points, axis=1).max())
+
     def gap(self, t: Scalar, x: Vec3) -> tuple[Scalar, Vec3]:
         gap, n = None, Vec3.zero()
         for a, b, c, d in self._faces.tolist():  # type: ignore[attr-defined]
             here = a * x.x + b * x.y + c * x.z + d
             gap, n = (here, Vec3(a, b, c)) if gap is None else either(gap < here, (here, Vec3(a, b, c)), (gap, n))
         return gap, n
-
-
-def radius_of(collider: Collider) -> float:
-    """Of the ball about the origin that holds a collider in its own axes [m]."""
-    if isinstance(collider, Hull):
-        return float(np.linalg.norm(collider.points, axis=1).max())
-    if isinstance(collider, Cylinder):
-        return float(np.hypot(collider.radius, 0.5 * collider.length))
-    size = getattr(collider, "size", None)
-    if size is not None:
-        return 0.5 * float(np.linalg.norm(size))
-    ends = getattr(collider, "ends", np.zeros((1, 3)))
-    return collider.radius + float(np.linalg.norm(ends, axis=1).max())  # type: ignore[attr-defined]

@@ -9,14 +9,14 @@ kept on the way in.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
-from articulated.compiler.scans import Chained, Scan, ScanKernel
+from articulated.compiler.scans import Chained, Scan, ScanKernel, laid_out
 from articulated.particles.chains import Chains, Factor
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
@@ -258,7 +258,7 @@ def advance(system: Any, h: float, steps: int, threads: int | None) -> int:
     """Take a system of chains so many linear implicit steps on; flags of its kernel."""
     bound = bound_to(system, rooted=False)
     if (laid := system.laid("strands")) is None:
-        laid = Laid("strands", bound.chained(system), len(bound.fixed))
+        laid = Laid("strands", bound.chained(system), system.chains.count)
     flags = bound.kernel.turns(laid.chained, np.array([system.time, h]), steps, threads)
     system.lay(laid, float(system.time + steps * h))
     return flags
@@ -280,15 +280,15 @@ class Laid:
 
 @dataclass(frozen=True, eq=False)
 class Bound:
-    """Strands of a system in machine code, and arrays in which they are moved, to be used again."""
+    """Strands of a system in machine code, and what is fixed of them, laid out."""
 
     strands: Strands
     kernel: ScanKernel
-    fixed: np.ndarray = field(repr=False)
+    fixed: np.ndarray
 
     def chained(self, system: Any) -> Chained:
         """The state of a system, laid out."""
-        nodes = np.concatenate([system.x, system.v], axis=1).reshape(*self.fixed.shape[:2], 6)
+        nodes = np.concatenate([system.x, system.v], axis=1).reshape(*self.strands.fixed.shape[:2], 6)
         return Chained.of(self.strands.scan, nodes, self.fixed, self.kernel.lanes)
 
 
@@ -297,5 +297,6 @@ def bound_to(system: Any, rooted: bool) -> Bound:
     known, key = kernels_of(system.like), ("strands", rooted, system.forces, system.colliders)
     if key not in known:
         strands = Strands(system, rooted)
-        known[key] = Bound(strands, ScanKernel(strands.scan), strands.fixed)
+        kernel = ScanKernel(strands.scan)
+        known[key] = Bound(strands, kernel, laid_out(strands.fixed, kernel.lanes))
     return known[key]

@@ -13,7 +13,6 @@ import numpy as np
 from articulated.dynamics.functions import link_poses, link_velocities
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
-from articulated.particles.convex import radius_of
 from articulated.particles.points import vectors
 from articulated.particles.roots import Roots
 from articulated.particles.system import System
@@ -32,7 +31,7 @@ class Cargo:
         self._batch = particles.shape[:-2]
         flat = particles.reshape(-1, *particles.shape[-2:])
         self._loads = [_Load(freight, state, time) for state in flat]
-        self._poses = np.zeros(0)
+        self._poses: np.ndarray | None = None  # of links, where they went last
 
     @property
     def particles(self) -> np.ndarray:
@@ -45,7 +44,8 @@ class Cargo:
         """What it does to the rig in a step, as `implicit.towing` has it, shape (*batch, size)."""
         rig = self._freight.rig
         q, v = q.astype(float, copy=False), v.astype(float, copy=False)
-        self._poses, twists = link_poses(rig, q), link_velocities(rig, q, v)
+        self._poses = link_poses(rig, q) if self._poses is None else self._poses
+        twists = link_velocities(rig, q, v)
         some = zip(
             self._loads, *(_flat(array, 1 + k, self._batch) for k, array in ((2, self._poses), (1, twists))), strict=True
         )
@@ -53,7 +53,9 @@ class Cargo:
 
     def follow(self, q: np.ndarray, towing: np.ndarray) -> None:
         """Go where the rig went, with the velocities of its bodies that it found, shape (*batch, 6 bodies)."""
+        assert self._poses is not None
         before, after = _flat(self._poses, 3, self._batch), link_poses(self._freight.rig, q.astype(float, copy=False))
+        self._poses = after
         some = zip(self._loads, before, _flat(after, 3, self._batch), _flat(towing, 1, self._batch), strict=True)
         for load, old, new, found in some:
             load.follow(old, new, found)
@@ -80,7 +82,7 @@ class _Load:
         point, self._h = poses[self._lots[0].links[0], :3, 3], h
         numbers = [point]
         for lot, system, roots in zip(self._lots, self._systems, self._roots, strict=True):
-            system.x[lot.roots] = _of_links(poses, lot)
+            system.x[lot.roots] = lot.at(poses)
             U = np.concatenate([self._twist(lot, i, poses, twists, point) for i in range(len(lot.bodies))])
             felt = roots.felt(h, point, U)
             numbers += [felt.inertia[np.triu_indices(len(U))], felt.impulse]
@@ -98,7 +100,7 @@ class _Load:
         for lot, system, roots in zip(self._lots, self._systems, self._roots, strict=True):
             size = 6 * len(lot.bodies)
             before = system.x.copy(), system.v.copy()
-            roots.follow(found[first : first + size], _of_links(new, lot))
+            roots.follow(found[first : first + size], lot.at(new))
             first += size
             self._collide(lot, system, before, old, new)
 
@@ -115,7 +117,7 @@ class _Load:
         for link, pose, obstacle in lot.obstacles:
             X0, X1 = old[link] @ pose, new[link] @ pose
             y0, y1 = inside(X0, x0), inside(X1, system.x)
-            reach = radius_of(obstacle) + np.linalg.norm(y1 - y0, axis=1)
+            reach = obstacle.reach + np.linalg.norm(y1 - y0, axis=1)
             some = np.flatnonzero(free & (np.linalg.norm(y1, axis=1) < reach))
             if len(some):
                 self._keep_out(system, obstacle, (X0, X1), some, v0, (y0[some], y1[some]))
@@ -147,12 +149,6 @@ def _past(
     """As `collided`, of rows."""
     found = collided(colliders, t, h, vectors(x), vectors(v), vectors(new_x), vectors(new_v))
     return np.stack(list(found[0]), axis=1), np.stack(list(found[1]), axis=1)
-
-
-def _of_links(poses: np.ndarray, lot: Lot) -> np.ndarray:
-    """Where links have a lot's roots, shape (roots, 3)."""
-    own = poses[lot.links]
-    return np.einsum("nij,nj->ni", own[:, :3, :3], lot.places) + own[:, :3, 3]
 
 
 def _flat(array: np.ndarray, core: int, batch: tuple[int, ...]) -> np.ndarray:

@@ -83,6 +83,11 @@ class Lot:
         system = System(x, None, attached.mass, [Gravity(gravity), *attached.forces], colliders, held)
         return Lot(attached, bodies, roots, of, owners, places, held, carrier, inside(neutral[carrier], x), obstacles, system)
 
+    def at(self, poses: np.ndarray) -> np.ndarray:
+        """Where links have the roots, shape (..., roots, 3), from poses of all links."""
+        own = poses[..., self.links, :, :]
+        return np.einsum("...nij,nj->...ni", own[..., :3, :3], self.places) + own[..., :3, 3]
+
 
 @dataclass(frozen=True, eq=False)
 class Freight:
@@ -115,8 +120,7 @@ class Freight:
     @property
     def segments(self) -> np.ndarray:
         """Pairs of particles, to be drawn, shape (m, 2)."""
-        some = [lot.attached.segments + first for lot, first in zip(self.lots, self.ends, strict=False)]
-        return np.concatenate(some) if some else np.zeros((0, 2), dtype=np.int64)
+        return np.concatenate([lot.attached.segments + n for lot, n in zip(self.lots, self.ends, strict=False)])
 
     def placed(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """Where links take all particles, and how fast: x, then v, shape (..., n, 6)."""
@@ -128,10 +132,10 @@ class Freight:
             x = np.einsum("...ij,nj->...ni", pose[..., :3, :3], lot.x) + pose[..., None, :3, 3]
             result[..., here, :3] = x
             result[..., here, 3:] = twist[..., :3] + np.cross(twist[..., 3:], x - pose[..., None, :3, 3])
-            for k, (n, link) in enumerate(zip(lot.roots, lot.links, strict=True)):
-                at = np.einsum("...ij,j->...i", poses[..., link, :3, :3], lot.places[k])
-                result[..., first + n, :3] = at + poses[..., link, :3, 3]
-                result[..., first + n, 3:] = twists[..., link, :3] + np.cross(twists[..., link, 3:], at)
+            at, own = lot.at(poses), twists[..., lot.links, :]
+            result[..., first + lot.roots, :3] = at
+            turned = np.cross(own[..., 3:], at - poses[..., :3, 3][..., lot.links, :])
+            result[..., first + lot.roots, 3:] = own[..., :3] + turned
             result[..., first + lot.held, :3], result[..., first + lot.held, 3:] = lot.system.x[lot.held], 0.0
         return result
 
@@ -147,8 +151,7 @@ class Freight:
     @property
     def triangles(self) -> np.ndarray:
         """Between which there is cloth, shape (k, 3)."""
-        some = [lot.attached.triangles + first for lot, first in zip(self.lots, self.ends, strict=False)]
-        return np.concatenate(some) if some else np.zeros((0, 3), dtype=np.int64)
+        return np.concatenate([lot.attached.triangles + n for lot, n in zip(self.lots, self.ends, strict=False)])
 
 
 def _obstacles(rig: Rig, attached: Attached) -> Iterator[tuple[int, np.ndarray, Collider]]:
