@@ -40,7 +40,7 @@ def of_system(system: ap.System, step: Callable[[], object]) -> Contender:
     """Ours, as users call it."""
 
     def start(x: np.ndarray, v: np.ndarray) -> None:
-        system.x, system.v, system.time = x.astype(float), v.astype(float), 0.0
+        system.x, system.v, system.time = x.astype(system.dtype), v.astype(system.dtype), 0.0
 
     return Contender(start, step, lambda: (system.x, system.v))
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import limits
@@ -48,14 +48,14 @@ no cache holds all particles, of the bytes a second that a copy moves right afte
     for dtype in (np.float64, np.float32):
         for count in (10**4, 10**5, 10**6):
             for steps in (1, 10):
-                given = (*alone.problem(count, dtype), steps)
-                left_out = ("System.step",) * (dtype is np.float32) + ("numpy",) * (steps > 1)
+                problem = alone.problem(count, dtype)
+                given, left_out = (*problem, steps), ("numpy",) * (steps > 1)
                 calls = (100 if count < 10**6 else 10) // steps
                 race = _race(
                     {name: make for name, make in alone.CONTENDERS.items() if name not in left_out},
                     given,
                     given[:2],
-                    alone.ours(*given),
+                    alone.ours(*_wide(problem), steps),
                     count * steps,
                     tolerance=1e-9 if dtype is np.float64 else 1e-3,
                     seen=20 // steps,
@@ -82,16 +82,17 @@ a particle with its six springs, at least twelve are read and twelve written; th
             given = explicit.cloth(side, dtype)
             springs, single = len(given.pairs), dtype is np.float32
             race = _race(
-                {name: make for name, make in explicit.CONTENDERS.items() if name != "System.step" or not single},
+                explicit.CONTENDERS,
                 (given,),
                 (given.x, given.v),
-                explicit.ours(given),
+                explicit.ours(explicit.cloth(side, float)),
                 springs * explicit.STEPS,
                 tolerance=1e-2 if single else 1e-9,
                 seen=2,
                 calls=5 if side == 100 else 1,
             )
-            own = "-" if single else f"{race.rate('System.step') * (3 * 8 + 2 * 4 + 24 * 8 / 6) / limits.bandwidth():.0%}"
+            size = np.dtype(dtype).itemsize
+            own = f"{race.rate('System.step') * (3 * size + 2 * 4 + 24 * size / 6) / limits.bandwidth():.0%}"
             over = race.against("System.step", [name for name in names if name not in OURS])
             row([f"{side} x {side}", str(springs), np.dtype(dtype).name, *race.cells(names), over, own])
 
@@ -103,21 +104,22 @@ def _implicit() -> None:
 A step of {implicit.H * 1e3:.0f} ms, {implicit.ITERATIONS} iterations of conjugate gradients: millions of products of a spring's block a second.
 """)
     names = list(implicit.CONTENDERS)
-    heading(["format", *names, "ours over"])
+    heading(["format", *names, "ours over numba", "over SciPy"])
     for dtype in (np.float64, np.float32):
         given = explicit.cloth(100, dtype)
         single = dtype is np.float32
         race = _race(
-            {name: make for name, make in implicit.CONTENDERS.items() if name != "System.step" or not single},
+            implicit.CONTENDERS,
             (given,),
             (given.x, given.v),
-            implicit.ours_implicit_cloth(given),
+            implicit.ours_implicit_cloth(explicit.cloth(100, float)),
             len(given.pairs) * implicit.ITERATIONS,
             tolerance=1e-2 if single else 1e-9,
             seen=2,
             calls=10,
         )
-        row([np.dtype(dtype).name, *race.cells(names), race.against("System.step", names[1:])])
+        over = [race.against("System.step", some) for some in (["numba"], ["SciPy"])]
+        row([np.dtype(dtype).name, *race.cells(names), *over])
 
 
 def _strands() -> None:
@@ -134,17 +136,17 @@ Ours does {work} flop a particle; the last column is its share of what the core 
         given = strands.problem(dtype)
         single = dtype is np.float32
         race = _race(
-            {name: make for name, make in strands.CONTENDERS.items() if name != "System.step" or not single},
+            strands.CONTENDERS,
             given,
             given,
-            strands.ours(*given),
+            strands.ours(*_wide(given)),
             strands.STRANDS * strands.PARTICLES,
             tolerance=1e-2 if single else 1e-9,
             seen=3,
             calls=50,
         )
         over = [race.against("System.step", some) for some in (names[1:], ["numba, strand by strand"], ["numpy"])]
-        share = "-" if single else f"{race.rate('System.step') * work / peak:.0%}"
+        share = f"{race.rate('System.step') * work / peak * np.dtype(dtype).itemsize / 8:.0%}"
         row([np.dtype(dtype).name, *race.cells(names), *over, share])
 
 
@@ -162,3 +164,8 @@ def _race(
     there = entered({name: lambda make=make: make(*given) for name, make in makers.items()})
     off = errors(there, *state, seen, right, tolerance)
     return Race(raced(there, *state, calls), off, work)
+
+
+def _wide(arrays: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """In float64."""
+    return [array.astype(float) for array in arrays]

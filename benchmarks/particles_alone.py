@@ -16,7 +16,7 @@ from contenders import Contender, of_system, taichi_for
 
 import articulated.particles as ap
 from articulated.compiler.straight import Straight
-from articulated.compiler.streams import on_a_line, planes, stream_kernel
+from articulated.compiler.streams import planes, stream_kernel
 from articulated.particles import alone
 from articulated.scalar import Scalar
 from articulated.spatial import Vec3
@@ -45,25 +45,23 @@ def system(x: np.ndarray, v: np.ndarray, inverse: np.ndarray) -> ap.System:
     return ap.System(
         x,
         v,
-        1.0 / inverse.astype(float),
+        1.0 / inverse,
         forces=[ap.Gravity((0.0, 0.0, G)), ap.Drag(DRAG, wind=wind)],
         colliders=[ap.Plane(restitution=RESTITUTION, friction=FRICTION)],
     )
 
 
 def ours(x: np.ndarray, v: np.ndarray, inverse: np.ndarray, steps: int) -> Contender:
-    """`System.step`, float64."""
+    """`System.step`."""
     particles = system(x, v, inverse)
     return of_system(particles, lambda: particles.step(H, "semi_implicit", steps=steps, threads=1))
 
 
 def our_kernel(x: np.ndarray, v: np.ndarray, inverse: np.ndarray, steps: int) -> Contender:
     """Its machine code alone, on planes that stay where they are, as peers keep them; float64 or float32."""
-    particles, single = system(x, v, inverse), x.dtype == np.float32
-    kernel = stream_kernel(alone._stream(particles, "semi_implicit", 0), single=single)
-    wide = planes([*x.T, *v.T, particles.mass, inverse])
-    memory = on_a_line(wide.shape).view(x.dtype)[:, : wide.shape[1]]
-    memory[:] = wide
+    particles = system(x, v, inverse)
+    kernel = stream_kernel(alone._stream(particles, "semi_implicit", 0), particles.single)
+    memory = planes([*x.T, *v.T, particles.mass, inverse], x.dtype)
     arrays = [(plane, plane.itemsize, 0, None) for plane in (*memory, np.array([0.0, H], x.dtype))]
     return _of_planes(memory, len(x), lambda: kernel(arrays, memory.shape[1], 1, [steps], steps))
 

@@ -70,7 +70,7 @@ def cloth(side: int, dtype: Any) -> Cloth:
 
 
 def ours(given: Cloth) -> Contender:
-    """`System.step`, float64."""
+    """`System.step`."""
     system = given.system()
     return of_system(system, lambda: system.step(H, "semi_implicit", steps=STEPS, threads=1))
 

@@ -20,7 +20,7 @@ ITERATIONS = 30
 
 
 def ours_implicit_cloth(given: Cloth) -> Contender:
-    """`System.step`, float64."""
+    """`System.step`."""
     system, method = given.system(), ap.ImplicitEuler(turns=1, iterations=ITERATIONS)
     return of_system(system, lambda: system.step(H, method))
 

@@ -43,7 +43,7 @@ def system(x: np.ndarray, v: np.ndarray) -> ap.System:
 
 
 def ours(x: np.ndarray, v: np.ndarray) -> Contender:
-    """`System.step`, float64."""
+    """`System.step`."""
     strands, method = system(x, v), ap.ImplicitEuler(turns=1)
     return of_system(strands, lambda: strands.step(H, method))
 

@@ -27,6 +27,7 @@ class ImplicitKernel:
     """Implicit steps as machine code.
 
     Attributes:
+        format: of numbers, and how many elements are worked on at once.
         kept: numbers that are kept of each element, by law.
     """
 
@@ -47,7 +48,7 @@ class ImplicitKernel:
             return {"operations": 1, "scratch": room, "tile": 1, "objects": [len(code)]}, code
 
         self._kernel = Kernel(work.name, f, on, *kept(work.name, f, on, content, build))
-        self.lanes = f.lanes
+        self.format = f
 
     def __call__(
         self,
@@ -71,11 +72,11 @@ class ImplicitKernel:
             steps: how many.
             turns: of conjugate gradients in each.
         """
-        left = np.zeros(1)
-        arrays = [rows, *room, *constants, numbers, left]
+        left = np.zeros(1, self.format.dtype)
+        arrays = [rows, *room, *constants, numbers.astype(self.format.dtype), left]
         for nodes, given, own in elements:
             arrays += [nodes, *given, own]
-        groups = [len(rows) // _GROUP, *(len(nodes) * self.lanes // _GROUP for nodes, _, _ in elements)]
+        groups = [len(rows) // _GROUP, *(len(nodes) * self.format.lanes // _GROUP for nodes, _, _ in elements)]
         parameters = [steps, turns, room[0].strides[0], *groups]
         flags = self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, parameters)
         return float(left[0]), flags

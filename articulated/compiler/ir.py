@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 ATTRIBUTES = 'nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-legal-vector-width"="512"'
 
 
@@ -38,6 +40,11 @@ class Format:
     @property
     def bytes(self) -> int:
         return 4 if self.single else 8
+
+    @property
+    def dtype(self) -> np.dtype:
+        """Of arrays of such numbers."""
+        return np.dtype(np.float32 if self.single else np.float64)
 
     @property
     def vector_bytes(self) -> int:

@@ -71,15 +71,14 @@ class MeshKernel:
     """A mesh as machine code.
 
     Attributes:
-        lanes: elements that are worked on at once; arrays of elements are that many side by side.
+        format: of numbers, and how many elements are worked on at once; arrays of elements are that many side by side.
     """
 
     def __init__(self, mesh: Mesh, single: bool = False):
         from articulated.compiler.machine import machine
 
         on = machine()
-        self.lanes = min(_LANES, on.register // (4 if single else 8))
-        f = Format(self.lanes, single)
+        self.format = f = Format(min(_LANES, on.register // (4 if single else 8)), single)
         passes = _passes(mesh, single)
         counts = repr((mesh.constants, mesh.numbers, [(law.nodes, law.constants) for law in mesh.elements])).encode()
         content = b"\0".join([counts, *(one.content for one in passes)])
@@ -111,10 +110,10 @@ class MeshKernel:
             numbers: the same for all.
             steps: how many.
         """
-        arrays = [rows, sums, *constants, numbers]
+        arrays = [rows, sums, *constants, numbers.astype(self.format.dtype)]
         for nodes, given in elements:
             arrays += [nodes, *given]
-        counts = [len(rows) // self.lanes, *(len(nodes) for nodes, _ in elements)]
+        counts = [len(rows) // self.format.lanes, *(len(nodes) for nodes, _ in elements)]
         return self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, [steps, *counts])
 
 

@@ -84,11 +84,12 @@ class Chained:
     ends: np.ndarray
 
     @staticmethod
-    def of(scan: Scan, carried: np.ndarray, fixed: np.ndarray, lanes: int) -> Chained:
+    def of(scan: Scan, carried: np.ndarray, fixed: np.ndarray) -> Chained:
         """From what is carried, shape (chains, nodes, carried), and what is fixed, laid out already."""
-        rooted = scan.root is not None
-        room = on_a_line((len(fixed), scan.length if rooted else 0, scan.kept, lanes))
-        return Chained(laid_out(carried, lanes), fixed, room, on_a_line((len(fixed), scan.results + scan.passed, lanes)))
+        blocks, lanes, dtype = len(fixed), fixed.shape[-1], fixed.dtype
+        room = on_a_line((blocks, 0 if scan.root is None else scan.length, scan.kept, lanes), dtype)
+        ends = on_a_line((blocks, scan.results + scan.passed, lanes), dtype)
+        return Chained(laid_out(carried, lanes, dtype), fixed, room, ends)
 
     def nodes(self, chains: int) -> np.ndarray:
         """What is carried, shape (chains, nodes, carried)."""
@@ -96,13 +97,13 @@ class Chained:
         return self.carried.transpose(0, 3, 1, 2).reshape(blocks * lanes, length, size)[:chains]
 
 
-def laid_out(given: np.ndarray, lanes: int) -> np.ndarray:
+def laid_out(given: np.ndarray, lanes: int, dtype: Any) -> np.ndarray:
     """Numbers of shape (chains, nodes, k) as (blocks, nodes, k, lanes); the last chain again until registers are full."""
     chains, *rest = given.shape
     blocks = -(-max(chains, 1) // lanes)
-    whole = np.zeros((blocks * lanes, *rest))
+    whole = np.zeros((blocks * lanes, *rest), dtype)
     whole[:chains], whole[chains:] = given, given[-1:] if chains else 0.0
-    array = on_a_line((blocks, *rest, lanes))
+    array = on_a_line((blocks, *rest, lanes), dtype)
     array[:] = whole.reshape(blocks, lanes, *rest).transpose(0, 2, 3, 1)
     return array
 
@@ -111,7 +112,7 @@ class ScanKernel:
     """A scan as machine code.
 
     Attributes:
-        lanes: chains side by side.
+        format: of numbers, and how many chains are side by side.
     """
 
     def __init__(self, scan: Scan, single: bool = False):
@@ -119,7 +120,7 @@ class ScanKernel:
 
         on = machine()
         f = Format(on.register // (4 if single else 8), single)
-        self.scan, self.lanes = scan, f.lanes
+        self.scan, self.format = scan, f
         work = _Work.of(scan, single)
         parts = ["in", "out"] if scan.root is not None else ["both"]
         self._kernels = {part: self._made(part, work, f, on) for part in parts}
@@ -147,6 +148,10 @@ class ScanKernel:
 
         return Kernel(scan.name, f, on, *kept(scan.name, f, on, content, build))
 
+    def laid_out(self, given: np.ndarray) -> np.ndarray:
+        """See there."""
+        return laid_out(given, self.format.lanes, self.format.dtype)
+
     def turns(self, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> int:
         """Inwards and outwards, so often; a flag tells of numbers that are not finite."""
         return self._call("both", chained, numbers, turns, threads)
@@ -161,8 +166,9 @@ class ScanKernel:
         self._call("out", chained, numbers, 1, threads)
 
     def _call(self, part: str, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> int:
-        arrays = [(array, 0, 0, None) for array in (chained.carried, chained.fixed, chained.kept, chained.ends, numbers)]
-        return self._kernels[part](arrays, len(chained.carried) * self.lanes, threads, [turns], turns)
+        given = chained.carried, chained.fixed, chained.kept, chained.ends, numbers.astype(self.format.dtype)
+        arrays = [(array, 0, 0, None) for array in given]
+        return self._kernels[part](arrays, len(chained.carried) * self.format.lanes, threads, [turns], turns)
 
 
 @dataclass(frozen=True, eq=False)

@@ -98,18 +98,18 @@ def _module(stream: Stream, work: Straight, f: Format) -> str:
     return module_of([text.function("i64", "kernel", arguments, flags, linkage="")], f)
 
 
-def planes(rows: Sequence[np.ndarray]) -> np.ndarray:
+def planes(rows: Sequence[np.ndarray], dtype: Any = float) -> np.ndarray:
     """Planes of numbers for a kernel, shape (k, m): of elements, then the last one again until registers are full."""
     n = len(rows[0])
-    result = on_a_line((len(rows), -(-max(n, 1) // _BLOCK) * _BLOCK))
+    result = on_a_line((len(rows), -(-max(n, 1) // _BLOCK) * _BLOCK), dtype)
     for plane, row in zip(result, rows, strict=True):
         plane[:n], plane[n:] = row, row[-1] if n else 0.0
     return result
 
 
-def on_a_line(shape: tuple[int, ...]) -> np.ndarray:
+def on_a_line(shape: tuple[int, ...], dtype: Any = float) -> np.ndarray:
     """Room for numbers that begins where any register may be loaded from."""
-    size = 8 * math.prod(shape)
+    size = np.dtype(dtype).itemsize * math.prod(shape)
     room = np.empty(size + _LINE, np.uint8)
     start = -room.ctypes.data % _LINE
-    return room[start : start + size].view(float).reshape(shape)
+    return room[start : start + size].view(dtype).reshape(shape)

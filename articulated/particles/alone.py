@@ -42,13 +42,13 @@ class Planes:
 def advance(system: Any, h: float, steps: int, solver: str, threads: int | None) -> int:
     """Take a system so many steps on; flags of its kernel."""
     of_each = [c for force in system.forces for c in force.constants if c.ndim]
-    known, key = kernels_of(system.like), ("alone", solver, system.forces, system.colliders)
+    known, key = kernels_of(system.like), ("alone", solver, system.single, system.forces, system.colliders)
     if (kernel := known.get(key)) is None:
-        kernel = known[key] = stream_kernel(_stream(system, solver, len(of_each)), single=False)
+        kernel = known[key] = stream_kernel(_stream(system, solver, len(of_each)), system.single)
     if (laid := system.laid("alone")) is None:
-        memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each])
+        memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each], system.dtype)
         laid = Planes("alone", memory, len(system.mass))
-    numbers = np.array([system.time, h])
+    numbers = np.array([system.time, h], system.dtype)
     arrays = [(plane, plane.itemsize, 0, None) for plane in (*laid.memory, numbers)]
     flags = kernel(arrays, laid.memory.shape[1], threads, [steps], steps)
     system.lay(laid, float(system.time + steps * h))
@@ -72,7 +72,7 @@ def _stream(system: Any, solver: str, given: int) -> Stream:
         x, v = Vec3.of(carried[:3]), Vec3.of(carried[3:])
         new = EXPLICIT[solver](acceleration, t, h, x, v)
         if system.colliders:
-            found = collided(system.colliders, t, h, x, v, *new, lag=LAGS[solver])
+            found = collided(system.colliders, t, h, x, v, *new, LAGS[solver], system.margin)
             new = either(inverse > 0.0, found, new)
         return [*new[0], *new[1], t + h, h]
 

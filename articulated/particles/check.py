@@ -26,6 +26,12 @@ def numbers(name: str, value: Any, shape: tuple[int | None, ...], finite: bool =
     return array
 
 
+def format_of(*given: Any) -> np.dtype:
+    """Float32 if all arrays that are given, at least one, are of it, else float64; numbers alone, and None, do not count."""
+    arrays = [value for value in given if np.ndim(value)]
+    return np.dtype(np.float32 if all(getattr(value, "dtype", None) == np.float32 for value in arrays) else np.float64)
+
+
 def vector(name: str, value: Any) -> np.ndarray:
     """Three finite numbers."""
     return numbers(name, value, (3,))

@@ -26,10 +26,11 @@ class Resident:
 
     Attributes:
         time: [s].
+        dtype: of positions and velocities: float64, or float32.
     """
 
     def __init__(self, x: np.ndarray, v: np.ndarray, time: float):
-        self._x, self._v, self.time = x, v, time
+        self._x, self._v, self.time, self.dtype = x, v, time, x.dtype
         self._laid: Laid | None = None
         self._since = time
 
@@ -41,7 +42,7 @@ class Resident:
     @x.setter
     def x(self, x: np.ndarray) -> None:
         self._settle()
-        self._x = x
+        self._x = np.asarray(x, self.dtype)
 
     @property
     def v(self) -> np.ndarray:
@@ -51,7 +52,12 @@ class Resident:
     @v.setter
     def v(self, v: np.ndarray) -> None:
         self._settle()
-        self._v = v
+        self._v = np.asarray(v, self.dtype)
+
+    @property
+    def single(self) -> bool:
+        """Whether it is in float32."""
+        return self.dtype == np.float32
 
     def laid(self, key: Any) -> Any:
         """The state as it is laid out for this machine code; None if it is not."""

@@ -31,25 +31,31 @@ def method_of(solver: Solver) -> Solver:
 
 def advance(system: Any, h: float, method: Any, steps: int, threads: int | None) -> tuple[float, int | None]:
     """Take a system so many steps on: what is left, see `System.step`; and flags of numbers, None if nobody looked."""
-    if isinstance(method, ImplicitEuler):
-        if method.turns == 1 and strands.are_strands(system):
+    if isinstance(method, ImplicitEuler) and method.turns == 1:
+        if strands.are_strands(system):
             return 0.0, strands.advance(system, h, steps, threads)
-        if method.turns == 1 and system.chains is None and woven.are_woven(system):
+        if system.chains is None and woven.are_woven(system):
             return woven.advance(system, h, steps, method.iterations)
-        return max((_implicit(system, h, method) for _ in range(steps)), default=0.0), None
+    elif isinstance(method, str):
+        if alone.are_alone(system.forces, system.colliders):
+            return 0.0, alone.advance(system, h, steps, method, threads)
+        if together.are_laws(system.forces, method, system.colliders):
+            return 0.0, together.advance(system, h, steps, method)
+    wide = system.at(system.x, system.v, system.time) if system.single else system
+    residual = max((_step(wide, h, method) for _ in range(steps)), default=0.0)
+    if wide is not system:
+        system.x, system.v, system.time = wide.x, wide.v, wide.time
+    return residual, None
+
+
+def _step(system: Any, h: float, method: Any) -> float:
+    """A step of any method, on arrays: what is left."""
     if isinstance(method, (Adaptive, XPBD)):
-        return max((method.advance(system, h) for _ in range(steps)), default=0.0), None
-    if alone.are_alone(system.forces, system.colliders):
-        return 0.0, alone.advance(system, h, steps, method, threads)
-    if together.are_laws(system.forces, method, system.colliders):
-        return 0.0, together.advance(system, h, steps, method)
-    for _ in range(steps):
-        x, v = EXPLICIT[method](system.acceleration, system.time, h, system.x, system.v)
-        system.arrive(h, x, v, LAGS[method])
-    return 0.0, None
-
-
-def _implicit(system: Any, h: float, method: ImplicitEuler) -> float:
-    x, v, residual = method.step(system, h)
-    system.arrive(h, x, v, 0.0)
-    return residual
+        return method.advance(system, h)
+    if isinstance(method, ImplicitEuler):
+        x, v, residual = method.step(system, h)
+        system.arrive(h, x, v, 0.0)
+        return residual
+    x, v = EXPLICIT[method](system.acceleration, system.time, h, system.x, system.v)
+    system.arrive(h, x, v, LAGS[method])
+    return 0.0

@@ -16,7 +16,7 @@ import numpy as np
 
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
-from articulated.compiler.scans import Chained, Scan, ScanKernel, laid_out
+from articulated.compiler.scans import Chained, Scan, ScanKernel
 from articulated.particles.chains import Chains, Factor
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
@@ -137,7 +137,7 @@ class Strands:
         """Of a system with chains; `rooted` if each one's first particle is moved by others."""
         chains: Chains = system.chains
         self._count, self._length, self._forces = chains.count, chains.length, system.forces
-        self._colliders = () if rooted else system.colliders
+        self._colliders, self._margin = () if rooted else system.colliders, system.margin
         self._layers = layers(chains, system.forces)
         self._reach = max(layer.reach for layer in self._layers)
         self._alone = [law for law in system.forces if isinstance(law, Law) and law.particles is None]
@@ -238,7 +238,7 @@ class Strands:
         new_v = v + change
         new = x + new_v * h, new_v
         if self._colliders:
-            found = collided(self._colliders, t, h, x, v, *new)
+            found = collided(self._colliders, t, h, x, v, *new, margin=self._margin)
             new = either(row[7] > 0.0, found, new)
         return [*new[0], *new[1]], [*change, *passed[: 3 * (self._reach - 1)]]
 
@@ -289,14 +289,14 @@ class Bound:
     def chained(self, system: Any) -> Chained:
         """The state of a system, laid out."""
         nodes = np.concatenate([system.x, system.v], axis=1).reshape(*self.strands.fixed.shape[:2], 6)
-        return Chained.of(self.strands.scan, nodes, self.fixed, self.kernel.lanes)
+        return Chained.of(self.strands.scan, nodes, self.fixed)
 
 
 def bound_to(system: Any, rooted: bool) -> Bound:
     """Made once for what a system's lists are."""
-    known, key = kernels_of(system.like), ("strands", rooted, system.forces, system.colliders)
+    known, key = kernels_of(system.like), ("strands", rooted, system.single, system.forces, system.colliders)
     if key not in known:
         strands = Strands(system, rooted)
-        kernel = ScanKernel(strands.scan)
-        known[key] = Bound(strands, kernel, laid_out(strands.fixed, kernel.lanes))
+        kernel = ScanKernel(strands.scan, system.single)
+        known[key] = Bound(strands, kernel, kernel.laid_out(strands.fixed))
     return known[key]

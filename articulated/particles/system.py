@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from articulated.particles.chains import REACH, Chains
-from articulated.particles.check import mask, numbers, positive
-from articulated.particles.colliders import Collider
+from articulated.particles.check import format_of, mask, numbers, positive
+from articulated.particles.colliders import Collider, Margin
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import vectors
@@ -24,7 +24,8 @@ from articulated.trajectory import Cloud
 class System(Resident):
     """Particles, what acts on them, and what they run into.
 
-    Its phase space has 6 n dimensions: all positions, then all velocities.
+    Its phase space has 6 n dimensions: all positions, then all velocities. If all arrays of x, v and mass are of float32, the
+    state is too, and machine code computes in it; what has none yet computes in float64.
 
     Args:
         x: where they start, shape (n, 3) [m].
@@ -59,10 +60,11 @@ class System(Resident):
         pinned: Any = (),
         time: float = 0.0,
     ):
+        dtype = format_of(x, v, mass)
         x = numbers("x", x, (None, 3))
         n = len(x)
         v = np.zeros((n, 3)) if v is None else numbers("v", v, (n, 3))
-        super().__init__(x, v, float(numbers("time", time, ())))
+        super().__init__(x.astype(dtype), v.astype(dtype), float(numbers("time", time, ())))
         masses = np.broadcast_to(numbers("mass", mass, () if np.ndim(mass) == 0 else (n,), finite=False), n)
         if not (masses > 0.0).all():
             where = int(np.argmin(masses))
@@ -93,10 +95,20 @@ class System(Resident):
         )
 
     def at(self, x: np.ndarray, v: np.ndarray, time: float) -> System:
-        """The same particles in another state."""
+        """The same particles in another state, in float64."""
         other = copy(self)
         Resident.__init__(other, np.array(x, dtype=float), np.array(v, dtype=float), time)
         return other
+
+    def _state_at(self, t: float | None, x: np.ndarray | None, v: np.ndarray | None) -> tuple[float, np.ndarray, np.ndarray]:
+        """What of a state is not given is as it is now; in float64."""
+        x, v = (np.asarray(now if some is None else some, float) for some, now in ((x, self.x), (v, self.v)))
+        return self.time if t is None else t, x, v
+
+    @property
+    def margin(self) -> Margin:
+        """How near to a collider is near."""
+        return Margin.of(self.single)
 
     @property
     def dimension(self) -> int:
@@ -114,7 +126,7 @@ class System(Resident):
 
     def force(self, t: float | None = None, x: np.ndarray | None = None, v: np.ndarray | None = None) -> np.ndarray:
         """What acts on each particle, now or in another state, shape (n, 3) [N]."""
-        t, x, v = self.time if t is None else t, self.x if x is None else x, self.v if v is None else v
+        t, x, v = self._state_at(t, x, v)
         total = np.zeros((len(self.x), 3))
         for force in self.forces:
             total += force.force(t, x, v, self.mass)
@@ -179,7 +191,7 @@ class System(Resident):
 
     def energy(self, t: float | None = None, x: np.ndarray | None = None, v: np.ndarray | None = None) -> float:
         """Kinetic energy, and potential energy of all forces that have one, now or in another state [J]."""
-        t, x, v = self.time if t is None else t, self.x if x is None else x, self.v if v is None else v
+        t, x, v = self._state_at(t, x, v)
         potential = sum(force.energy(t, x, self.mass) for force in self.forces)
         return 0.5 * float(self.mass @ (v * v).sum(axis=1)) + potential
 
@@ -195,8 +207,9 @@ class System(Resident):
 
     def momentum(self) -> tuple[np.ndarray, np.ndarray]:
         """Linear, and angular about the origin [N s, N m s]."""
-        p = self.mass[:, None] * self.v
-        return p.sum(axis=0), np.cross(self.x, p).sum(axis=0)
+        _, x, v = self._state_at(None, None, None)
+        p = self.mass[:, None] * v
+        return p.sum(axis=0), np.cross(x, p).sum(axis=0)
 
     def step(
         self,
@@ -266,7 +279,7 @@ class System(Resident):
         if frames < 1:
             raise ValueError(f"duration {duration:g} s is shorter than one frame at {fps:g} fps; give more of either")
         steps, start = max(1, math.ceil(1.0 / (fps * dt) - 1e-9)), self.time
-        x, v = np.empty((2, frames + 1, len(self.x), 3))
+        x, v = np.empty((2, frames + 1, len(self.x), 3), self.dtype)
         energy = np.empty(frames + 1)
         bar = tqdm(range(frames + 1), unit="frame", delay=2.0, disable=None if progress else True, leave=False)
         for k in bar:

@@ -49,11 +49,11 @@ class Rows:
     def of(system: Any, lanes: int) -> Rows:
         """Of a system as it is."""
         n = len(system.mass)
-        rows = on_a_line((_size(n, lanes), ROW))
+        rows = on_a_line((_size(n, lanes), ROW), system.dtype)
         rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = system.x, system.mass, system.v, system.inverse_mass
         rows[n:] = 0.0
         rows[n:, 0] = np.arange(len(rows) - n)  # what fills up elements is on nodes of its own, which are not in one place
-        return Rows("together", rows, on_a_line((len(rows), SUM)), n)
+        return Rows("together", rows, on_a_line((len(rows), SUM), system.dtype), n)
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities."""
@@ -62,13 +62,15 @@ class Rows:
 
 def advance(system: Any, h: float, steps: int, solver: str) -> int:
     """Take a system so many steps on; flags of its kernel."""
-    known, key = kernels_of(system.like), ("together", solver, system.forces, system.colliders)
+    known, key = kernels_of(system.like), ("together", solver, system.single, system.forces, system.colliders)
     if (found := known.get(key)) is None:
-        kernel = MeshKernel(_mesh(system, solver))
-        found = known[key] = kernel, elements_of(system, kernel.lanes), [filled(c, kernel.lanes) for c in of_nodes(system)]
+        kernel = MeshKernel(_mesh(system, solver), system.single)
+        lanes = kernel.format.lanes
+        constants = [filled(c, lanes, system.dtype) for c in of_nodes(system)]
+        found = known[key] = kernel, elements_of(system, lanes), constants
     kernel, elements, constants = found
     if (laid := system.laid("together")) is None:
-        laid = Rows.of(system, kernel.lanes)
+        laid = Rows.of(system, kernel.format.lanes)
     flags = kernel(laid.rows, laid.sums, constants, elements, np.array([system.time, h]), steps)
     system.lay(laid, float(system.time + steps * h))
     return flags
@@ -97,7 +99,7 @@ def _mesh(system: Any, solver: str) -> Mesh:
         a = Vec3.of(done) * inverse
         x, v = EXPLICIT[solver](lambda *_: a, t, h, point.x, point.v)
         if system.colliders:
-            found = collided(system.colliders, t, h, point.x, point.v, x, v, lag=LAGS[solver])
+            found = collided(system.colliders, t, h, point.x, point.v, x, v, LAGS[solver], system.margin)
             x, v = either(inverse > 0.0, found, (x, v))
         return [*x, row[3], *v, inverse]
 
@@ -117,9 +119,9 @@ def elements_of(system: Any, lanes: int, group: int | None = None) -> list[tuple
         numbers = np.empty((-(-count // group) * group, size), np.int32)
         order = _apart(count)
         numbers[:count], numbers[count:] = force.particles[order], n + np.arange(size)
-        numbers *= SUM * 8
+        numbers *= SUM * system.dtype.itemsize
         blocks = np.ascontiguousarray(numbers.reshape(-1, lanes, size).transpose(0, 2, 1))
-        found.append((blocks, [filled(c[order], group) for c in force.constants if c.ndim]))
+        found.append((blocks, [filled(c[order], group, system.dtype) for c in force.constants if c.ndim]))
     return found
 
 
@@ -142,9 +144,9 @@ def of_nodes(system: Any) -> list[np.ndarray]:
     return [c for force in system.forces if force.particles is None for c in force.constants if c.ndim]
 
 
-def filled(constants: np.ndarray, lanes: int) -> np.ndarray:
+def filled(constants: np.ndarray, lanes: int, dtype: Any) -> np.ndarray:
     """One for each of a whole number of registers."""
-    result = on_a_line((_size(len(constants), lanes),))
+    result = on_a_line((_size(len(constants), lanes),), dtype)
     result[: len(constants)], result[len(constants) :] = constants, constants[-1] if len(constants) else 0.0
     return result
 

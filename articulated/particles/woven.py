@@ -37,12 +37,12 @@ def are_woven(system: Any) -> bool:
 
 def advance(system: Any, h: float, steps: int, turns: int) -> tuple[float, int]:
     """Take a system so many linear implicit steps on: what is left [m/s], and flags of the kernel."""
-    known, key = kernels_of(system.like), ("woven", system.forces, system.colliders)
+    known, key = kernels_of(system.like), ("woven", system.single, system.forces, system.colliders)
     if (bound := known.get(key)) is None:
         bound = known[key] = Bound.of(system)
     if (laid := system.laid("woven")) is None:
         rows = Rows.of(system, 8)
-        room = tuple(on_a_line(shape) for shape in bound.room(len(rows.rows)))
+        room = tuple(on_a_line(shape, system.dtype) for shape in bound.room(len(rows.rows)))
         laid = Laid("woven", rows, room)
     given = np.array([system.time, h])
     left, flags = bound.kernel(laid.rows.rows, laid.room, bound.constants, bound.elements, given, steps, turns)
@@ -74,10 +74,11 @@ class Bound:
     @staticmethod
     def of(system: Any) -> Bound:
         """Made once for what a system's lists are."""
-        kernel, elements = ImplicitKernel(_implicit(system)), []
-        for (nodes, given), kept in zip(elements_of(system, kernel.lanes, 8), kernel.kept, strict=True):
-            elements.append((nodes, given, on_a_line((len(nodes), kept, kernel.lanes))))
-        return Bound(kernel, [filled(c, 8) for c in of_nodes(system)], elements)
+        kernel, elements = ImplicitKernel(_implicit(system), system.single), []
+        lanes = kernel.format.lanes
+        for (nodes, given), kept in zip(elements_of(system, lanes, 8), kernel.kept, strict=True):
+            elements.append((nodes, given, on_a_line((len(nodes), kept, lanes), system.dtype)))
+        return Bound(kernel, [filled(c, 8, system.dtype) for c in of_nodes(system)], elements)
 
     def room(self, nodes: int) -> list[tuple[int, int]]:
         """Shapes of what a kernel works in."""
@@ -121,7 +122,7 @@ def _implicit(system: Any) -> Implicit:
         new_v = v + Vec3.of(change)
         new = x + new_v * h, new_v
         if system.colliders:
-            new = either(row[7] > 0.0, collided(system.colliders, t, h, x, v, *new), new)
+            new = either(row[7] > 0.0, collided(system.colliders, t, h, x, v, *new, margin=system.margin), new)
         return [*new[0], row[3], *new[1], row[7]]
 
     count = sum(c.ndim for force in alone for c in force.constants)
