@@ -50,7 +50,7 @@ def ours(x: np.ndarray, v: np.ndarray) -> Contender:
 
 def operations() -> list[tuple]:
     """What our kernel does in a step of a particle."""
-    work = _Work.of(bound_to(system(*problem(float)), rooted=False).strands.scan, False)
+    work = _Work.of(bound_to(system(*problem(float)), "step").strands.scan, False)
     return [one.nodes[i] for one in (work.inward[-1], work.outward) for i in one.order()]
 
 

@@ -123,9 +123,11 @@ class Factor:
         y = square * both
         return Factor(yx, zx, yz * y, x, y, yy * yy * both)
 
-    def held_unless(self, free: Scalar) -> Factor:
-        """Itself where this is 1; where it is 0, what has no inverse: all that is solved for is zero."""
-        return replace(self, x=self.x * free, y=self.y * free, z=self.z * free)
+    @staticmethod
+    def where_free(A: Sym3, free: Scalar) -> Factor:
+        """Of A where this is 1, which may be singular where it is 0: there all that is solved for is zero."""
+        whole = Factor.of(A + Sym3.scaled_identity(1.0 - free))
+        return replace(whole, x=whole.x * free, y=whole.y * free, z=whole.z * free)
 
     def solve(self, b: Vec3) -> Vec3:
         """A⁻¹ b."""

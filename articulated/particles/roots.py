@@ -95,12 +95,12 @@ class Roots:
         if not np.array_equal(np.sort(self._roots), firsts):
             return None
         self._order = np.argsort(self._roots)
-        return strands.bound_to(system, rooted=True)
+        return strands.bound_to(system, "rooted")
 
     def _of_strands(self, carried: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         bound, system, count = self._strands, self._system, len(self._roots)
         assert bound is not None
-        self._chained = bound.chained(system.at(system.x, self._v, system.time))
+        self._chained = bound.chained(system.x, self._v)
         self._numbers = np.array([system.time, self._h])
         results = bound.kernel.inwards(self._chained, self._numbers, None)
         of_chain = results.transpose(0, 2, 1).reshape(-1, 9)[:count]

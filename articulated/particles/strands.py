@@ -1,9 +1,9 @@
-"""Strands in machine code: the linear implicit step of many chains of particles, from tip to root and back, side by side.
+"""Strands in machine code: implicit steps of many chains of particles, from tip to root and back, side by side.
 
-The step is the first turn of `solvers.implicit`, from the velocities that there are: A δ = b, with A = M + h D + h² K and
-b = h f, both where particles would go with these (Baraff and Witkin, Large Steps in Cloth Simulation, 1998, equation 16). It is
-solved as in `chains`, where the symbols are told, while it is gathered: nothing but D⁻¹ E, D⁻¹ F and D⁻¹ r of each particle is
-kept on the way in.
+The linear step is the first turn of `solvers.implicit`, from the velocities that there are: A δ = b, with A = M + h D + h² K
+and b = h f, both where particles would go with these (Baraff and Witkin, Large Steps in Cloth Simulation, 1998, equation 16).
+Later turns have M (v₀ − v) in b besides. It is solved as in `chains`, where the symbols are told, while it is gathered: nothing
+but D⁻¹ E, D⁻¹ F and D⁻¹ r of each particle is kept on the way in.
 """
 
 from __future__ import annotations
@@ -133,9 +133,17 @@ class Strands:
         fixed: what it knows of each particle, shape (count, length, fixed).
     """
 
-    def __init__(self, system: Any, rooted: bool):
-        """Of a system with chains; `rooted` if each one's first particle is moved by others."""
+    def __init__(self, system: Any, kind: str):
+        """Of a system with chains.
+
+        Args:
+            system: the system.
+            kind: "step"; "rooted", a step of what has its first particles moved by others; or "turn", one of Newton's method,
+                for which velocities before the step are carried besides, and which leaves their change.
+        """
         chains: Chains = system.chains
+        rooted, self._turns = kind == "rooted", kind == "turn"
+        carried = self._carried = 9 if self._turns else 6
         self._count, self._length, self._forces = chains.count, chains.length, system.forces
         self._colliders, self._margin = () if rooted else system.colliders, system.margin
         self._layers = layers(chains, system.forces)
@@ -150,7 +158,7 @@ class Strands:
             name="strands",
             length=chains.length,
             reach=self._reach,
-            carried=6,
+            carried=carried,
             fixed=len(planes),
             numbers=2,
             handed=_Rows.size(self._reach),
@@ -166,7 +174,7 @@ class Strands:
     def _inward(self, rows: Sequence[Scalars], handed: Scalars, numbers: Scalars) -> tuple[Scalars, Scalars]:
         """Gather all that ends at a particle, and give it up."""
         here = self._gathered(rows, handed, numbers)
-        factor = Factor.of(here.D[0]).held_unless(where(rows[0][7] > 0.0, 1.0, 0.0))
+        factor = Factor.where_free(here.D[0], where(rows[0][self._carried + 1] > 0.0, 1.0, 0.0))
         y, parts = factor.solve(here.r[0]), {}
         for k in range(1, len(rows)):
             parts[k] = factor.solve_each(here.E[0, k])
@@ -185,9 +193,12 @@ class Strands:
         """All that acts on a particle, of which those after it are given up; and of what ends at it on those before."""
         t, h = numbers[0] + numbers[1], numbers[1]
         here = _Rows.of(handed, self._reach)
-        points = [Point(Vec3.of(row[:3]) + Vec3.of(row[3:6]) * h, Vec3.of(row[3:6]), row[6]) for row in rows]
+        own = self._carried
+        points = [Point(Vec3.of(row[:3]) + Vec3.of(row[3:6]) * h, Vec3.of(row[3:6]), row[own]) for row in rows]
         here.D[0] = here.D[0] + Sym3.scaled_identity(points[0].m)
-        given = iter(rows[0][8:])
+        if self._turns:
+            here.r[0] = here.r[0] + (Vec3.of(rows[0][6:9]) - points[0].v) * points[0].m
+        given = iter(rows[0][own + 2 :])
         for law in self._alone:
             self._act(here, law, (0,), points, law.constants_of(given), None, t, h)
         for layer in self._layers:
@@ -235,12 +246,15 @@ class Strands:
         for k in range(self._reach):
             part = Mat3.of([kept[n : n + 3] for n in range(3 + 9 * k, 12 + 9 * k, 3)])
             change = change - part @ Vec3.of(passed[3 * k : 3 * k + 3])
+        passes = [*change, *passed[: 3 * (self._reach - 1)]]
+        if self._turns:
+            return [*row[:3], *change, *row[6:9]], passes
         new_v = v + change
         new = x + new_v * h, new_v
         if self._colliders:
             found = collided(self._colliders, t, h, x, v, *new, margin=self._margin)
             new = either(row[7] > 0.0, found, new)
-        return [*new[0], *new[1]], [*change, *passed[: 3 * (self._reach - 1)]]
+        return [*new[0], *new[1]], passes
 
     def _root(self, row: Scalars, handed: Scalars, numbers: Scalars) -> Scalars:
         """D and r of a root: what it takes to move it, and what pulls at it."""
@@ -256,12 +270,20 @@ def are_strands(system: Any) -> bool:
 
 def advance(system: Any, h: float, steps: int, threads: int | None) -> int:
     """Take a system of chains so many linear implicit steps on; flags of its kernel."""
-    bound = bound_to(system, rooted=False)
+    bound = bound_to(system, "step")
     if (laid := system.laid("strands")) is None:
-        laid = Laid("strands", bound.chained(system), system.chains.count)
+        laid = Laid("strands", bound.chained(system.x, system.v), system.chains.count)
     flags = bound.kernel.turns(laid.chained, np.array([system.time, h]), steps, threads)
     system.lay(laid, float(system.time + steps * h))
     return flags
+
+
+def turn(system: Any, h: float, v: np.ndarray) -> np.ndarray:
+    """The change of velocities v in a turn of Newton's method."""
+    bound = bound_to(system, "turn")
+    chained = bound.chained(system.x, v, system.v)
+    bound.kernel.turns(chained, np.array([system.time, h]), 1, None)
+    return chained.nodes(system.chains.count).reshape(-1, 9)[:, 3:6]
 
 
 @dataclass(frozen=True, eq=False)
@@ -286,17 +308,17 @@ class Bound:
     kernel: ScanKernel
     fixed: np.ndarray
 
-    def chained(self, system: Any) -> Chained:
-        """The state of a system, laid out."""
-        nodes = np.concatenate([system.x, system.v], axis=1).reshape(*self.strands.fixed.shape[:2], 6)
+    def chained(self, *carried: np.ndarray) -> Chained:
+        """What particles carry, each of shape (n, 3), laid out."""
+        nodes = np.concatenate(carried, axis=1).reshape(*self.strands.fixed.shape[:2], -1)
         return Chained.of(self.strands.scan, nodes, self.fixed)
 
 
-def bound_to(system: Any, rooted: bool) -> Bound:
-    """Made once for what a system's lists are."""
-    known, key = kernels_of(system.like), ("strands", rooted, system.single, system.forces, system.colliders)
+def bound_to(system: Any, kind: str) -> Bound:
+    """Made once for what a system's lists are; see `Strands`."""
+    known, key = kernels_of(system.like), ("strands", kind, system.single, system.forces, system.colliders)
     if key not in known:
-        strands = Strands(system, rooted)
+        strands = Strands(system, kind)
         kernel = ScanKernel(strands.scan, system.single)
         known[key] = Bound(strands, kernel, kernel.laid_out(strands.fixed))
     return known[key]

@@ -28,6 +28,8 @@ _STRIDE = 16
 """How many elements on the next one is that is done."""
 
 Scalars = Sequence[Scalar]
+Told = Callable[[Law, Scalar, Sequence[Point], Scalars], Sequence[Vec3]]
+"""Of an element of a law, at a time and with its constants: three numbers of each of its particles."""
 
 
 def are_laws(forces: Sequence[Force], solver: str, colliders: Sequence[Collider] = ()) -> bool:
@@ -48,12 +50,17 @@ class Rows:
     @staticmethod
     def of(system: Any, lanes: int) -> Rows:
         """Of a system as it is."""
-        n = len(system.mass)
-        rows = on_a_line((_size(n, lanes), ROW), system.dtype)
-        rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = system.x, system.mass, system.v, system.inverse_mass
+        rows = on_a_line((_size(len(system.mass), lanes), ROW), system.dtype)
+        made = Rows("together", rows, on_a_line((len(rows), SUM), system.dtype), len(system.mass))
+        made.put(system, system.x, system.v)
+        return made
+
+    def put(self, system: Any, x: np.ndarray, v: np.ndarray) -> None:
+        """Have them in a state."""
+        n, rows = self.count, self.rows
+        rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = x, system.mass, v, system.inverse_mass
         rows[n:] = 0.0
         rows[n:, 0] = np.arange(len(rows) - n)  # what fills up elements is on nodes of its own, which are not in one place
-        return Rows("together", rows, on_a_line((len(rows), SUM), system.dtype), n)
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities."""
@@ -78,21 +85,6 @@ def advance(system: Any, h: float, steps: int, solver: str) -> int:
 
 def _mesh(system: Any, solver: str) -> Mesh:
     """A step of all of them."""
-    alone = [force for force in system.forces if force.particles is None]
-    between = [force for force in system.forces if force.particles is not None]
-
-    def begin(row: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
-        total, given = Vec3.zero(), iter(constants)
-        for force in alone:
-            (f,) = force.pull(numbers[0], [_point(row)], *force.constants_of(given))
-            total = total + f
-        return [*total]
-
-    def act(force: Law) -> Callable[[Sequence[Scalars], Scalars, Scalars], Sequence[Scalars]]:
-        def pull(rows: Sequence[Scalars], constants: Scalars, numbers: Scalars) -> Sequence[Scalars]:
-            return [[*f] for f in force.pull(numbers[0], [_point(row) for row in rows], *force.constants_of(iter(constants)))]
-
-        return pull
 
     def end(row: Scalars, done: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
         point, (t, h), inverse = _point(row), numbers, row[7]
@@ -103,9 +95,44 @@ def _mesh(system: Any, solver: str) -> Mesh:
             x, v = either(inverse > 0.0, found, (x, v))
         return [*x, row[3], *v, inverse]
 
-    laws = [Elements(force.particles.shape[1], sum(c.ndim for c in force.constants), act(force)) for force in between]
-    count = sum(c.ndim for force in alone for c in force.constants)
+    count, begin, laws = gone_through(system.forces)
     return Mesh("particles", count, 2, begin, laws, end, lambda numbers: [numbers[0] + numbers[1], numbers[1]])
+
+
+def pull(law: Law, t: Scalar, points: Sequence[Point], constants: Scalars) -> Sequence[Vec3]:
+    """The force on each particle of an element."""
+    return law.pull(t, points, *constants)
+
+
+def gone_through(forces: Sequence[Law], told: Told = pull) -> tuple[int, Callable[..., Scalars], list[Elements]]:
+    """All forces as a mesh goes through them, at the time that its first number is.
+
+    Args:
+        forces: laws.
+        told: what is added up of each element.
+
+    Returns:
+        How many numbers each particle has besides its row; how its sums begin; and what is between particles.
+    """
+    alone = [force for force in forces if force.particles is None]
+    between = [force for force in forces if force.particles is not None]
+
+    def begin(row: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
+        total, given = Vec3.zero(), iter(constants)
+        for force in alone:
+            (own,) = told(force, numbers[0], [_point(row)], force.constants_of(given))
+            total = total + own
+        return [*total]
+
+    def act(force: Law) -> Callable[[Sequence[Scalars], Scalars, Scalars], Sequence[Scalars]]:
+        def some(rows: Sequence[Scalars], constants: Scalars, numbers: Scalars) -> Sequence[Scalars]:
+            own = force.constants_of(iter(constants))
+            return [[*f] for f in told(force, numbers[0], [_point(row) for row in rows], own)]
+
+        return some
+
+    laws = [Elements(force.particles.shape[1], sum(c.ndim for c in force.constants), act(force)) for force in between]  # type: ignore[union-attr]
+    return sum(c.ndim for force in alone for c in force.constants), begin, laws
 
 
 def elements_of(system: Any, lanes: int, group: int | None = None) -> list[tuple[np.ndarray, list[np.ndarray]]]:

@@ -1,6 +1,7 @@
-"""Linear implicit steps of particles that act on each other in any way, in machine code: cloth, and whatever is no chain.
+"""Implicit steps of particles that act on each other in any way, in machine code: cloth, and whatever is no chain.
 
-The step is that of `strands`, A δ = b, here by conjugate gradients with a fixed number of turns, as `solvers.implicit` does it.
+The step is that of `strands`, A δ = b, here by conjugate gradients with a fixed number of turns, as `solvers.implicit` does it:
+linear steps, one after the other, or a turn of Newton's method, whose b has M (v₀ − v) besides.
 """
 
 from __future__ import annotations
@@ -37,17 +38,31 @@ def are_woven(system: Any) -> bool:
 
 def advance(system: Any, h: float, steps: int, turns: int) -> tuple[float, int]:
     """Take a system so many linear implicit steps on: what is left [m/s], and flags of the kernel."""
-    known, key = kernels_of(system.like), ("woven", system.single, system.forces, system.colliders)
-    if (bound := known.get(key)) is None:
-        bound = known[key] = Bound.of(system)
-    if (laid := system.laid("woven")) is None:
-        rows = Rows.of(system, 8)
-        room = tuple(on_a_line(shape, system.dtype) for shape in bound.room(len(rows.rows)))
-        laid = Laid("woven", rows, room)
-    given = np.array([system.time, h])
-    left, flags = bound.kernel(laid.rows.rows, laid.room, bound.constants, bound.elements, given, steps, turns)
+    bound = bound_to(system, linear=True)
+    laid = bound.laid(system) if (laid := system.laid("woven")) is None else laid
+    left, flags = bound.solved(laid, system, h, steps, turns)
     system.lay(laid, float(system.time + steps * h))
-    return float(np.sqrt(max(left, 0.0) / max(system.mass.sum(), np.finfo(float).tiny))), flags
+    return left, flags
+
+
+def turn(system: Any, h: float, v: np.ndarray, turns: int) -> tuple[np.ndarray, float]:
+    """The change of velocities v in a turn of Newton's method, and what is left of its equation [m/s]."""
+    bound = bound_to(system, linear=False)
+    if bound.work is None:
+        bound.work = bound.laid(system)
+    bound.work.rows.put(system, system.x, v)
+    for plane, before in zip(bound.constants[-3:], system.v.T, strict=True):
+        plane[: len(before)] = before
+    left, _ = bound.solved(bound.work, system, h, 1, turns)
+    return bound.work.state()[1], left
+
+
+def bound_to(system: Any, linear: bool) -> Bound:
+    """Made once for what a system's lists are."""
+    known, key = kernels_of(system.like), ("woven", linear, system.single, system.forces, system.colliders)
+    if (bound := known.get(key)) is None:
+        bound = known[key] = Bound.of(system, linear)
+    return bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,30 +78,45 @@ class Laid:
         return self.rows.state()
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Bound:
-    """A system's laws in machine code, with what belongs to nodes and elements."""
+    """A system's laws in machine code, with what belongs to nodes and elements.
+
+    Attributes:
+        work: of turns of Newton's method, where it works.
+    """
 
     kernel: ImplicitKernel
     constants: list[np.ndarray]
     elements: list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]
+    work: Laid | None = None
 
     @staticmethod
-    def of(system: Any) -> Bound:
-        """Made once for what a system's lists are."""
-        kernel, elements = ImplicitKernel(_implicit(system), system.single), []
+    def of(system: Any, linear: bool) -> Bound:
+        """For linear steps, or for turns of Newton's method; nodes have the velocity before the step then."""
+        kernel, elements = ImplicitKernel(_implicit(system, linear), system.single), []
         lanes = kernel.format.lanes
         for (nodes, given), kept in zip(elements_of(system, lanes, 8), kernel.kept, strict=True):
             elements.append((nodes, given, on_a_line((len(nodes), kept, lanes), system.dtype)))
-        return Bound(kernel, [filled(c, 8, system.dtype) for c in of_nodes(system)], elements)
+        of_each = [*of_nodes(system), *([] if linear else system.v.T)]
+        return Bound(kernel, [filled(c, 8, system.dtype) for c in of_each], elements)
 
-    def room(self, nodes: int) -> list[tuple[int, int]]:
-        """Shapes of what a kernel works in."""
-        return [(self.kernel.planes, nodes), (nodes, SUM), (nodes, SUM), (nodes, 2 * SUM)]
+    def laid(self, system: Any) -> Laid:
+        """A system as it is."""
+        rows = Rows.of(system, 8)
+        n = len(rows.rows)
+        shapes = (self.kernel.planes, n), (n, SUM), (n, SUM), (n, 2 * SUM)
+        return Laid("woven", rows, tuple(on_a_line(shape, system.dtype) for shape in shapes))
+
+    def solved(self, laid: Laid, system: Any, h: float, steps: int, turns: int) -> tuple[float, int]:
+        """Take so many steps, with so many turns of conjugate gradients in each: what is left [m/s], and flags of the kernel."""
+        given = np.array([system.time, h])
+        left, flags = self.kernel(laid.rows.rows, laid.room, self.constants, self.elements, given, steps, turns)
+        return float(np.sqrt(max(left, 0.0) / max(system.mass.sum(), np.finfo(float).tiny))), flags
 
 
-def _implicit(system: Any) -> Implicit:
-    """A step of all of them."""
+def _implicit(system: Any, linear: bool) -> Implicit:
+    """A step of all of them; or a turn, which leaves the change of velocities where these were."""
     alone = [force for force in system.forces if force.particles is None]
     between = [force for force in system.forces if force.particles is not None]
 
@@ -97,6 +127,8 @@ def _implicit(system: Any) -> Implicit:
             own = force.constants_of(given)
             b = b + force.pull(numbers[0] + numbers[1], [point], *own)[0] * numbers[1]
             D = D + _block(force, [point], 0, own, numbers)
+        if not linear:
+            b = b + (Vec3(*given) - point.v) * point.m
         return [*b], [*D]
 
     def bond(force: Law) -> Bonds:
@@ -114,10 +146,12 @@ def _implicit(system: Any) -> Implicit:
 
     def settle(row: Scalars, D: Scalars) -> Scalars:
         free = where(row[7] > 0.0, 1.0, 0.0)
-        inverse = Factor.of(Sym3(*D)).held_unless(free)
+        inverse = Factor.where_free(Sym3(*D), free)
         return [*Sym3.upper(Mat3(*(inverse.solve(unit) for unit in _UNITS)))]
 
     def end(row: Scalars, change: Scalars, constants: Scalars, numbers: Scalars) -> Scalars:
+        if not linear:
+            return [*row[:4], *change, row[7]]
         (t, h), x, v = numbers, Vec3.of(row[:3]), Vec3.of(row[4:7])
         new_v = v + Vec3.of(change)
         new = x + new_v * h, new_v
@@ -125,7 +159,7 @@ def _implicit(system: Any) -> Implicit:
             new = either(row[7] > 0.0, collided(system.colliders, t, h, x, v, *new, margin=system.margin), new)
         return [*new[0], row[3], *new[1], row[7]]
 
-    count = sum(c.ndim for force in alone for c in force.constants)
+    count = sum(c.ndim for force in alone for c in force.constants) + (0 if linear else 3)
     bonds = [bond(force) for force in between]
     return Implicit("woven", count, 2, begin, bonds, settle, end, lambda numbers: [numbers[0] + numbers[1], numbers[1]])
 

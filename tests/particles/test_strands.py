@@ -53,6 +53,17 @@ def dense_at(system, x):
     return dense(there, H)
 
 
+@pytest.mark.parametrize("method", [LINEAR, ap.ImplicitEuler()])
+def test_a_strand_that_is_pressed_straight_onto_its_root(method):
+    """What the root itself would feel has no inverse."""
+    n = 5
+    x = np.linspace((0, 0, 0), (0.9, 0, 0), n)
+    pairs = np.stack([np.arange(n - 1), np.arange(1, n)], axis=1)
+    system = ap.System(x, None, 0.1, [ap.Springs(pairs, 60.0, 0.1, 0.25)], pinned=[0])
+    system.step(H, method, 400)
+    assert np.abs(system.x[-1] - (1.0, 0.0, 0.0)).max() < 0.05
+
+
 def test_what_is_irregular(monkeypatch):
     """Springs that some chains have and others lack, told either way round, two between the same particles, held anywhere."""
 

@@ -3,7 +3,8 @@
 The gaps of the guess are closed little by little, φ(q) = (1 − s) φ(q_guess) with s from 0 to 1, so that each step starts near
 its end and the branch stays that of the guess: a knee bends the way that it bends there. A step is a Levenberg-Marquardt
 solution with coordinates held to their limits (those at a limit that would go beyond are left out); if it fails, s takes a
-shorter one.
+shorter one. From a guess that is symmetric, or stretched, rounding decides which way limbs go, and one way may end at limits:
+so what fails tries again from beside the guess.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ _DAMPING = 1e-6
 """Of the first try of each step, over the mean square of the Jacobian's columns."""
 _FARTHEST = 0.3
 """No coordinate goes farther in a step [rad, m]: near a singular place it would go anywhere."""
+_BESIDE = (1e-9, 1e-9, 1e-6, 1e-6, 1e-3, 1e-3, 0.01, 0.01, 0.1, 0.1)
+"""How far beside the guess further tries begin [rad, m]."""
 _NEAR = 1e-3
 """A step may end so much farther away, over its own length, than where it was to go; then it is only refined at the end."""
 
@@ -97,6 +100,24 @@ class _Problem:
         return np.where(self.ropes, np.maximum(open_, 0.0), open_)
 
     def solve(self, guess: np.ndarray, index: tuple[int, ...]) -> np.ndarray:
+        """A configuration with closed loops, from the guess or from beside it.
+
+        Raises:
+            AssemblyError: no try led to one; it tells of the one that came nearest.
+        """
+        rng, nearest = np.random.default_rng(0), None
+        for far in (0.0, *_BESIDE):
+            start = integrate(self.rig, guess, far * self.free * rng.normal(size=self.rig.nv))
+            q, closes = self._continued(start if far else guess)
+            if closes:
+                return q
+            if nearest is None or np.linalg.norm(self.gaps(q)) < np.linalg.norm(self.gaps(nearest)):
+                nearest = q
+        assert nearest is not None
+        raise self._failure(nearest, index)
+
+    def _continued(self, guess: np.ndarray) -> tuple[np.ndarray, bool]:
+        """Where continuation from a guess ends, and whether loops are closed there."""
         q = self._within(guess)
         start = self.gaps(q)
         s, ds = 0.0, _FIRST
@@ -111,10 +132,8 @@ class _Problem:
                 ds *= 0.25
             else:  # no way through: what is nearest to here may be closed all the same
                 q = self._descend(tried, np.zeros(len(start)))
-                if np.abs(self.gaps(q)).max() <= CLOSED:
-                    break
-                raise self._failure(q, index)
-        return q
+                return q, bool(np.abs(self.gaps(q)).max() <= CLOSED)
+        return q, True
 
     def _descend(self, q: np.ndarray, wanted: np.ndarray) -> np.ndarray:
         """Levenberg-Marquardt, Nocedal and Wright, Numerical Optimization, 10.3, with an active set of limits."""

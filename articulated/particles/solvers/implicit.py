@@ -21,6 +21,9 @@ from typing import Any
 
 import numpy as np
 
+from articulated.particles import strands, woven
+from articulated.particles.sums import acting, are_summed
+
 _SEARCHES = 10
 """How often a turn, or a step, is halved."""
 _ROUNDING = 1e-14
@@ -51,10 +54,11 @@ class ImplicitEuler:
 
     def step(self, system: Any, h: float) -> tuple[np.ndarray, np.ndarray, float]:
         """The new positions and velocities of a system, and by how much the last turn changed these, see `tolerance`."""
+        acts = acting(system)
         t, x0, v0, m, w = system.time + h, system.x, system.v, system.mass[:, None], system.inverse_mass[:, None]
 
         def residual(v: np.ndarray) -> np.ndarray:
-            return (m * (v - v0) - h * system.force(t, x0 + h * v, v)) * (w > 0.0)
+            return (m * (v - v0) - h * acts.force(t, x0 + h * v, v)) * (w > 0.0)
 
         v, size = v0.copy(), 0.0
         r = residual(v)
@@ -66,12 +70,16 @@ class ImplicitEuler:
             v, r = _searched(residual, v, r, change)
             if size <= self.tolerance:
                 break
-        v = _without_gain(system, t, h, x0, v)
+        v = _without_gain(system, acts, t, h, x0, v)
         return x0 + h * v, v, size
 
     def _solved(self, system: Any, t: float, h: float, x: np.ndarray, v: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, float]:
         """The δ of a turn, and what is left of its equation [m/s]."""
         m, free = system.mass[:, None], system.inverse_mass[:, None] > 0.0
+        if strands.are_strands(system):
+            return strands.turn(system, h, v), 0.0
+        if system.chains is None and are_summed(system):
+            return woven.turn(system, h, v, self.iterations)
         if system.chains is not None:
             band = system.band(t, x, v, h)
             band[:, 0] += m[:, :, None] * np.eye(3)
@@ -128,16 +136,16 @@ def _searched(
     return v + step * change, new
 
 
-def _without_gain(system: Any, t: float, h: float, x0: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _without_gain(system: Any, acts: Any, t: float, h: float, x0: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Velocities with which a step gains no more energy than drag and wind do work in it."""
     free = system.inverse_mass[:, None] > 0.0
     whole = np.zeros(3) if not free.all() else system.mass @ v / system.mass.sum()
-    before, own, share = system.energy(), v - whole * free, 1.0
+    before, own, share = acts.energy(system.time, x0, system.v), v - whole * free, 1.0
     allowed = _ROUNDING * abs(before)
     for _ in range(_SEARCHES):
         x = x0 + h * v
-        if system.energy(t, x, v) <= before + h * system.power(t, x, v) + allowed:
-            return v
+        if not acts.energy(t, x, v) > before + h * acts.power(t, x, v) + allowed:
+            return v  # what is no number is not hidden
         share *= 0.5
         v = whole * free + own * share
     return whole * free
