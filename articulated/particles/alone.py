@@ -72,7 +72,7 @@ def _stream(system: Any, solver: str, given: int) -> Stream:
         x, v = Vec3.of(carried[:3]), Vec3.of(carried[3:])
         new = EXPLICIT[solver](acceleration, t, h, x, v)
         if system.colliders:
-            found = collided(system.colliders, t, h, x, v, *new, LAGS[solver], system.margin)
+            found = collided(system.colliders, t, h, x, v, *new, LAGS[solver])
             new = either(inverse > 0.0, found, new)
         return [*new[0], *new[1], t + h, h]
 

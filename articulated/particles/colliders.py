@@ -19,28 +19,9 @@ from articulated.spatial import Mat3, Vec3
 
 _MARCHES, _CONVEX_MARCHES = 24, 12
 """Steps along a path; those that graze a surface take most."""
+NEAR, LIFT = 1e-9, 1e-10
+"""What is nearer to a surface than this has reached it, and is put so far above it: no rounding takes it away again [m]."""
 _TINY = 1e-30
-
-
-@dataclass(frozen=True)
-class Margin:
-    """How near is near, so that no rounding takes it away again.
-
-    Attributes:
-        near: what is nearer to a surface than this has reached it [m].
-        lift: and is put so far above it [m].
-    """
-
-    near: float
-    lift: float
-
-    @staticmethod
-    def of(single: bool) -> Margin:
-        """For places in float64 or float32, some metres from the origin."""
-        return _COARSE if single else FINE
-
-
-FINE, _COARSE = Margin(1e-9, 1e-10), Margin(1e-5, 2e-6)
 
 
 class Collider(ABC):
@@ -78,7 +59,7 @@ class Collider(ABC):
         """Of its surface at a point [m/s]."""
         return Vec3.zero()
 
-    def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3, margin: Margin = FINE) -> tuple[Scalar, Scalar]:
+    def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> tuple[Scalar, Scalar]:
         """Where a way from x to y, from time t to t + h, first meets it: the part of the way, and whether it does.
 
         What is convex is behind the plane that touches it, square to the normal: so far steps may go, farther than the gap.
@@ -90,10 +71,10 @@ class Collider(ABC):
             gap, n = self.gap(t + s * h, x + way * s)
             nearing = -n.dot(way) if self.convex else length
             nears = nearing > _TINY
-            step = where(nears, (gap - margin.lift) / where(nears, nearing, 1.0), 1.0)
-            s = minimum(s + where(gap > margin.near, step, 0.0), 1.0)
+            step = where(nears, (gap - LIFT) / where(nears, nearing, 1.0), 1.0)
+            s = minimum(s + where(gap > NEAR, step, 0.0), 1.0)
         gap, n = self.gap(t + s * h, x + way * s)
-        return s, (gap <= margin.near) & (n.dot(way) < margin.near)
+        return s, (gap <= NEAR) & (n.dot(way) < NEAR)
 
     def onward(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> Vec3:
         """Where what leaves its surface at x for y comes to: to y, unless it is hollow and is met again."""
@@ -123,11 +104,11 @@ class Plane(Collider):
         n = Vec3.of(self.normal.tolist())
         return n.dot(x) - float(self.normal @ self.point), n
 
-    def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3, margin: Margin = FINE) -> tuple[Scalar, Scalar]:
+    def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> tuple[Scalar, Scalar]:
         (before, _), (after, _) = self.gap(t, x), self.gap(t + h, y)
-        falls = (before > margin.near) & (after < before)
-        s = where(falls, (before - margin.lift) / where(falls, before - after, 1.0), 0.0)
-        return minimum(s, 1.0), (after <= margin.near) & (after < before + margin.near)
+        falls = (before > NEAR) & (after < before)
+        s = where(falls, (before - LIFT) / where(falls, before - after, 1.0), 0.0)
+        return minimum(s, 1.0), (after <= NEAR) & (after < before + NEAR)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from articulated.particles.colliders import FINE, Collider, Margin
+from articulated.particles.colliders import LIFT, NEAR, Collider
 from articulated.scalar import Scalar, either, given, inverse_sqrt, maximum, where
 from articulated.spatial import Vec3
 
@@ -24,15 +24,7 @@ _TINY = 1e-30
 
 
 def collided(
-    colliders: Sequence[Collider],
-    t: Scalar,
-    h: Scalar,
-    x: Vec3,
-    v: Vec3,
-    new_x: Vec3,
-    new_v: Vec3,
-    lag: float = 0.0,
-    margin: Margin = FINE,
+    colliders: Sequence[Collider], t: Scalar, h: Scalar, x: Vec3, v: Vec3, new_x: Vec3, new_v: Vec3, lag: float = 0.0
 ) -> tuple[Vec3, Vec3]:
     """Where a particle is after a step, and how fast, that would have gone from x and v to the new ones.
 
@@ -41,29 +33,21 @@ def collided(
         t, h: when the step begins, and its length.
         x, v, new_x, new_v: see above.
         lag: by how much of a step velocities belong to an earlier moment.
-        margin: how near is near.
     """
     for collider in colliders:
-        s, hits = collider.crossing(t, h, x, new_x, margin)
+        s, hits = collider.crossing(t, h, x, new_x)
 
         def after(collider: Collider = collider, s: Scalar = s, new: tuple[Vec3, Vec3] = (new_x, new_v)) -> tuple[Vec3, Vec3]:
-            return _met(collider, t, h, (x, v), new, s, lag, margin.near)
+            return _met(collider, t, h, (x, v), new, s, lag)
 
         new_x, new_v = given(hits, after, (new_x, new_v))
         gap, n = collider.gap(t + h, new_x)
-        new_x = new_x + n * where(gap < 0.0, margin.lift - gap, 0.0)
+        new_x = new_x + n * where(gap < 0.0, LIFT - gap, 0.0)
     return new_x, new_v
 
 
 def _met(
-    collider: Collider,
-    t: Scalar,
-    h: Scalar,
-    old: tuple[Vec3, Vec3],
-    new: tuple[Vec3, Vec3],
-    s: Scalar,
-    lag: float,
-    near: float,
+    collider: Collider, t: Scalar, h: Scalar, old: tuple[Vec3, Vec3], new: tuple[Vec3, Vec3], s: Scalar, lag: float
 ) -> tuple[Vec3, Vec3]:
     """As `collided`, of what meets a collider."""
     (x, v), (new_x, new_v) = old, new
@@ -73,7 +57,7 @@ def _met(
     _, n = collider.gap(then, at)
     surface = collider.velocity(then, at)
     relative = speed - surface
-    late = where(n.dot(x - at) > near, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
+    late = where(n.dot(x - at) > NEAR, n.dot(a) * (lag * h), 0.0)  # but not those of what rests already
     normal = n.dot(relative) + late
     incoming = maximum(-normal, 0.0)
     along = _slowed(relative - n * n.dot(relative), collider.friction * (1.0 + collider.restitution) * incoming)

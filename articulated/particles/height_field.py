@@ -20,7 +20,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from articulated.particles.check import numbers, settle, vector
-from articulated.particles.colliders import FINE, Collider, Margin
+from articulated.particles.colliders import LIFT, NEAR, Collider
 from articulated.scalar import Scalar, absolute, either, greatest, lookup, maximum, minimum, nearest, repeat, sqrt, where
 from articulated.spatial import Vec3
 
@@ -79,7 +79,7 @@ class HeightField(Collider):
         least = 1.0 / float(np.sqrt(1.0 + self.steepest**2))
         return above * where(above > 0.0, least, flat), Vec3(-(patch.x * flat), -(patch.y * flat), flat)
 
-    def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3, margin: Margin = FINE) -> tuple[Scalar, Scalar]:
+    def crossing(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> tuple[Scalar, Scalar]:
         way, top = y - x, float(self.heights.max() + self.origin[2])
 
         def ahead(carry: list[Scalar]) -> list[Scalar]:
@@ -88,8 +88,7 @@ class HeightField(Collider):
             patch = self._patch(p, way)
             height, rate = p.z - patch.height, way.z - patch.x * way.x - patch.y * way.y
             # where height + rate s - bend s²/2, which is no more than the true height, comes down to the surface
-            above = height - margin.lift
-            square = rate * rate + 2.0 * patch.bend * above
+            above, square = height - LIFT, rate * rate + 2.0 * patch.bend * (height - LIFT)
             root, curves = sqrt(maximum(square, 0.0)), patch.bend > 0.0
             later = where(curves, (rate + root) / where(curves, patch.bend, 1.0), np.inf)
             falls = (square >= 0.0) & (rate < root)
@@ -97,7 +96,7 @@ class HeightField(Collider):
             step = minimum(where(rate > 0.0, later, soon), patch.end)
             over = where(way.z < 0.0, (p.z - top) / where(way.z < 0.0, -way.z, 1.0), np.inf)
             step = maximum(step, where(p.z > top, over, 0.0))
-            arrived = (height <= margin.near) & (rate < margin.near)
+            arrived = (height <= NEAR) & (rate < NEAR)
             s = minimum(s + where(arrived, 0.0, step), 1.0)
             return [s, where(arrived | (s >= 1.0), 1.0, 0.0)]
 
@@ -105,7 +104,7 @@ class HeightField(Collider):
         s, _ = repeat(sum(self.heights.shape) + _APPROACHES, ahead, [start, start], lambda carry: carry[1] > 0.5)
         p = x + way * s
         gap, n = self.gap(t, p)
-        return s, (s < 1.0) | ((gap <= margin.near) & (n.dot(way) < margin.near))
+        return s, (s < 1.0) | ((gap <= NEAR) & (n.dot(way) < NEAR))
 
     def onward(self, t: Scalar, h: Scalar, x: Vec3, y: Vec3) -> Vec3:
         up = Vec3(0.0, 0.0, _SUNK * float(self.spacing.min()))

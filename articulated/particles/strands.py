@@ -145,7 +145,7 @@ class Strands:
         rooted, self._turns = kind == "rooted", kind == "turn"
         carried = self._carried = 9 if self._turns else 6
         self._count, self._length, self._forces = chains.count, chains.length, system.forces
-        self._colliders, self._margin = () if rooted else system.colliders, system.margin
+        self._colliders = () if rooted else system.colliders
         self._layers = layers(chains, system.forces)
         self._reach = max(layer.reach for layer in self._layers)
         self._alone = [law for law in system.forces if isinstance(law, Law) and law.particles is None]
@@ -252,7 +252,7 @@ class Strands:
         new_v = v + change
         new = x + new_v * h, new_v
         if self._colliders:
-            found = collided(self._colliders, t, h, x, v, *new, margin=self._margin)
+            found = collided(self._colliders, t, h, x, v, *new)
             new = either(row[7] > 0.0, found, new)
         return [*new[0], *new[1]], passes
 

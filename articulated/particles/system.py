@@ -11,7 +11,7 @@ import numpy as np
 
 from articulated.particles.chains import REACH, Chains
 from articulated.particles.check import format_of, mask, numbers, positive
-from articulated.particles.colliders import Collider, Margin
+from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import vectors
@@ -104,11 +104,6 @@ class System(Resident):
         """What of a state is not given is as it is now; in float64."""
         x, v = (np.asarray(now if some is None else some, float) for some, now in ((x, self.x), (v, self.v)))
         return self.time if t is None else t, x, v
-
-    @property
-    def margin(self) -> Margin:
-        """How near to a collider is near."""
-        return Margin.of(self.single)
 
     @property
     def dimension(self) -> int:

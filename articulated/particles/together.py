@@ -91,7 +91,7 @@ def _mesh(system: Any, solver: str) -> Mesh:
         a = Vec3.of(done) * inverse
         x, v = EXPLICIT[solver](lambda *_: a, t, h, point.x, point.v)
         if system.colliders:
-            found = collided(system.colliders, t, h, point.x, point.v, x, v, LAGS[solver], system.margin)
+            found = collided(system.colliders, t, h, point.x, point.v, x, v, LAGS[solver])
             x, v = either(inverse > 0.0, found, (x, v))
         return [*x, row[3], *v, inverse]
 

@@ -109,7 +109,7 @@ class Bound:
         return Laid("woven", rows, tuple(on_a_line(shape, system.dtype) for shape in shapes))
 
     def solved(self, laid: Laid, system: Any, h: float, steps: int, turns: int) -> tuple[float, int]:
-        """Take so many steps, with so many turns of conjugate gradients in each: what is left [m/s], and flags of the kernel."""
+        """Take steps, with so many turns of conjugate gradients in each: what is left [m/s], and flags of the kernel."""
         given = np.array([system.time, h])
         left, flags = self.kernel(laid.rows.rows, laid.room, self.constants, self.elements, given, steps, turns)
         return float(np.sqrt(max(left, 0.0) / max(system.mass.sum(), np.finfo(float).tiny))), flags
@@ -156,7 +156,7 @@ def _implicit(system: Any, linear: bool) -> Implicit:
         new_v = v + Vec3.of(change)
         new = x + new_v * h, new_v
         if system.colliders:
-            new = either(row[7] > 0.0, collided(system.colliders, t, h, x, v, *new, margin=system.margin), new)
+            new = either(row[7] > 0.0, collided(system.colliders, t, h, x, v, *new), new)
         return [*new[0], row[3], *new[1], row[7]]
 
     count = sum(c.ndim for force in alone for c in force.constants) + (0 if linear else 3)
