@@ -16,7 +16,7 @@ from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
-from articulated.scalar import Scalar, either
+from articulated.scalar import Scalar
 from articulated.spatial import Vec3
 
 
@@ -72,8 +72,7 @@ def _stream(system: Any, solver: str, given: int) -> Stream:
         x, v = Vec3.of(carried[:3]), Vec3.of(carried[3:])
         new = EXPLICIT[solver](acceleration, t, h, x, v)
         if system.colliders:
-            found = collided(system.colliders, t, h, x, v, *new, LAGS[solver])
-            new = either(inverse > 0.0, found, new)
+            new = collided(system.colliders, t, h, x, v, *new, inverse > 0.0, LAGS[solver])
         return [*new[0], *new[1], t + h, h]
 
     return Stream("particles", 6, 2 + given, 2, turn)

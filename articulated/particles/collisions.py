@@ -24,7 +24,15 @@ _TINY = 1e-30
 
 
 def collided(
-    colliders: Sequence[Collider], t: Scalar, h: Scalar, x: Vec3, v: Vec3, new_x: Vec3, new_v: Vec3, lag: float = 0.0
+    colliders: Sequence[Collider],
+    t: Scalar,
+    h: Scalar,
+    x: Vec3,
+    v: Vec3,
+    new_x: Vec3,
+    new_v: Vec3,
+    free: Scalar = True,
+    lag: float = 0.0,
 ) -> tuple[Vec3, Vec3]:
     """Where a particle is after a step, and how fast, that would have gone from x and v to the new ones.
 
@@ -32,17 +40,21 @@ def collided(
         colliders: what it may run into.
         t, h: when the step begins, and its length.
         x, v, new_x, new_v: see above.
+        free: whether it feels them at all; what is pinned goes through, or stays inside.
         lag: by how much of a step velocities belong to an earlier moment.
     """
     for collider in colliders:
         s, hits = collider.crossing(t, h, x, new_x)
+        gap, _ = collider.gap(t + h, new_x)
 
-        def after(collider: Collider = collider, s: Scalar = s, new: tuple[Vec3, Vec3] = (new_x, new_v)) -> tuple[Vec3, Vec3]:
-            return _met(collider, t, h, (x, v), new, s, lag)
+        def after(
+            collider: Collider = collider, s: Scalar = s, hits: Scalar = hits, new: tuple[Vec3, Vec3] = (new_x, new_v)
+        ) -> tuple[Vec3, Vec3]:
+            there, then_v = either(hits, _met(collider, t, h, (x, v), new, s, lag), new)
+            gap, n = collider.gap(t + h, there)
+            return there + n * where(gap < 0.0, LIFT - gap, 0.0), then_v
 
-        new_x, new_v = given(hits, after, (new_x, new_v))
-        gap, n = collider.gap(t + h, new_x)
-        new_x = new_x + n * where(gap < 0.0, LIFT - gap, 0.0)
+        new_x, new_v = given((where(hits, -1.0, gap) < 0.0) & free, after, (new_x, new_v))
     return new_x, new_v
 
 

@@ -252,8 +252,7 @@ class Strands:
         new_v = v + change
         new = x + new_v * h, new_v
         if self._colliders:
-            found = collided(self._colliders, t, h, x, v, *new)
-            new = either(row[7] > 0.0, found, new)
+            new = collided(self._colliders, t, h, x, v, *new, row[7] > 0.0)
         return [*new[0], *new[1]], passes
 
     def _root(self, row: Scalars, handed: Scalars, numbers: Scalars) -> Scalars:

@@ -299,9 +299,8 @@ class System(Resident):
         """Where a step would have led, unless something was in the way."""
         if self.colliders:
             here = [vectors(part) for part in (self.x, self.v, x, v)]
-            found = collided(self.colliders, self.time, h, *here, lag=lag)
-            free = self.inverse_mass[:, None] > 0.0
-            x, v = (np.where(free, np.stack(list(new), axis=1), old) for new, old in zip(found, (x, v), strict=True))
+            found = collided(self.colliders, self.time, h, *here, self.inverse_mass > 0.0, lag)
+            x, v = (np.stack(list(new), axis=1) for new in found)
         self.x, self.v, self.time = x, v, self.time + h
 
     def _event(self, collider: Collider) -> Callable[[float, np.ndarray], float]:

@@ -18,7 +18,7 @@ from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
-from articulated.scalar import Scalar, either
+from articulated.scalar import Scalar
 from articulated.spatial import Vec3
 
 ONE_STAGE = ("euler", "semi_implicit")
@@ -91,8 +91,7 @@ def _mesh(system: Any, solver: str) -> Mesh:
         a = Vec3.of(done) * inverse
         x, v = EXPLICIT[solver](lambda *_: a, t, h, point.x, point.v)
         if system.colliders:
-            found = collided(system.colliders, t, h, point.x, point.v, x, v, LAGS[solver])
-            x, v = either(inverse > 0.0, found, (x, v))
+            x, v = collided(system.colliders, t, h, point.x, point.v, x, v, inverse > 0.0, LAGS[solver])
         return [*x, row[3], *v, inverse]
 
     count, begin, laws = gone_through(system.forces)

@@ -23,7 +23,7 @@ from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Law
 from articulated.particles.points import Point
 from articulated.particles.together import Rows, elements_of, filled, of_nodes
-from articulated.scalar import Scalar, either, where
+from articulated.scalar import Scalar, where
 from articulated.spatial import Mat3, Sym3, Vec3
 
 Scalars = Sequence[Scalar]
@@ -156,7 +156,7 @@ def _implicit(system: Any, linear: bool) -> Implicit:
         new_v = v + Vec3.of(change)
         new = x + new_v * h, new_v
         if system.colliders:
-            new = either(row[7] > 0.0, collided(system.colliders, t, h, x, v, *new), new)
+            new = collided(system.colliders, t, h, x, v, *new, row[7] > 0.0)
         return [*new[0], row[3], *new[1], row[7]]
 
     count = sum(c.ndim for force in alone for c in force.constants) + (0 if linear else 3)

@@ -112,8 +112,7 @@ class _Load:
         free[lot.roots] = False
         (x0, v0), h = before, self._h
         if system.colliders:
-            x, v = _past(system.colliders, t, h, x0, v0, system.x, system.v)
-            system.x, system.v = np.where(free[:, None], x, system.x), np.where(free[:, None], v, system.v)
+            system.x, system.v = _past(system.colliders, t, h, x0, v0, system.x, system.v, free)
         for link, pose, obstacle in lot.obstacles:
             X0, X1 = old[link] @ pose, new[link] @ pose
             y0, y1 = inside(X0, x0), inside(X1, system.x)
@@ -136,7 +135,7 @@ class _Load:
         w0 = (v0[some] - (to(X1, y0) - to(X0, y0)) / h) @ X0[:3, :3]
         carried = (to(X1, y1) - to(X0, y1)) / h
         w1 = (system.v[some] - carried) @ X1[:3, :3]
-        y, w = _past([obstacle], 0.0, h, y0, w0, y1, w1)
+        y, w = _past([obstacle], 0.0, h, y0, w0, y1, w1, np.ones(len(some), dtype=bool))
         hit = (y != y1).any(axis=1) | (w != w1).any(axis=1)
         where, y, w = some[hit], y[hit], w[hit]
         system.x[where] = to(X1, y)
@@ -144,10 +143,17 @@ class _Load:
 
 
 def _past(
-    colliders: Sequence[Collider], t: float, h: float, x: np.ndarray, v: np.ndarray, new_x: np.ndarray, new_v: np.ndarray
+    colliders: Sequence[Collider],
+    t: float,
+    h: float,
+    x: np.ndarray,
+    v: np.ndarray,
+    new_x: np.ndarray,
+    new_v: np.ndarray,
+    free: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
     """As `collided`, of rows."""
-    found = collided(colliders, t, h, vectors(x), vectors(v), vectors(new_x), vectors(new_v))
+    found = collided(colliders, t, h, vectors(x), vectors(v), vectors(new_x), vectors(new_v), free)
     return np.stack(list(found[0]), axis=1), np.stack(list(found[1]), axis=1)
 
 
