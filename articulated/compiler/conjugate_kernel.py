@@ -50,17 +50,17 @@ class ImplicitKernel:
         self._kernel = Kernel(work.name, f, on, *kept(work.name, f, on, content, build))
         self.format = f
 
-    def __call__(
+    def bound(
         self,
         rows: np.ndarray,
         room: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
         constants: Sequence[np.ndarray],
         elements: Sequence[tuple[np.ndarray, Sequence[np.ndarray], np.ndarray]],
         numbers: np.ndarray,
-        steps: int,
-        turns: int,
-    ) -> tuple[float, int]:
-        """Take steps; r · z that the last turns left, of the worst step, and a flag of numbers that are not finite.
+    ) -> Callable[[int, int], tuple[float, int]]:
+        """What takes so many steps, with so many turns of conjugate gradients in each.
+
+        It tells r · z that the last turns left, of the worst step, and has a flag of numbers that are not finite.
 
         Args:
             rows: of nodes, shape (n, 8), n a multiple of eight.
@@ -69,17 +69,19 @@ class ImplicitKernel:
             elements: of each law where sums of nodes begin, in bytes, int32, shape (blocks, nodes, lanes); its constants, each
                 of shape (blocks lanes,); and room for what is kept, (blocks, kept, lanes).
             numbers: the same for all.
-            steps: how many.
-            turns: of conjugate gradients in each.
         """
         left = np.zeros(1, self.format.dtype)
-        arrays = [rows, *room, *constants, numbers.astype(self.format.dtype), left]
+        arrays = [rows, *room, *constants, numbers, left]
         for nodes, given, own in elements:
             arrays += [nodes, *given, own]
         groups = [len(rows) // _GROUP, *(len(nodes) * self.format.lanes // _GROUP for nodes, _, _ in elements)]
-        parameters = [steps, turns, room[0].strides[0], *groups]
-        flags = self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, parameters)
-        return float(left[0]), flags
+        bound = self._kernel.bound(arrays, 3 + len(groups))
+
+        def take(steps: int, turns: int) -> tuple[float, int]:
+            flags = bound(1, 1, [steps, turns, room[0].strides[0], *groups])
+            return float(left[0]), flags
+
+        return take
 
 
 class _Writer(RowWriter):

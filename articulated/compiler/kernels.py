@@ -92,7 +92,13 @@ class Kernel:
         if self.ordered:
             order = np.arange(batch) if order is None else np.ascontiguousarray(order, np.int64)
             entries.append(address_of(order))
-        table = (ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters)
+        return self._called((ctypes.c_int64 * (len(entries) + len(parameters)))(*entries, *parameters), batch, threads, turns)
+
+    def bound(self, arrays: Sequence[np.ndarray], parameters: int) -> Bound:
+        """Itself with arrays, for calls that differ in so many parameters only."""
+        return Bound(self, arrays, parameters)
+
+    def _called(self, table: ctypes.Array, batch: int, threads: int | None, turns: int) -> int:
         threads = self.threads(batch, threads, turns)
         if threads > 1 and (job := self.job(batch, threads, turns)) is not None:
             try:
@@ -130,6 +136,21 @@ class Kernel:
 
     def _blocks(self, batch: int) -> int:
         return -(-batch // self.format.lanes)
+
+
+class Bound:
+    """A kernel with its arrays, which have no states or rows that it should know of."""
+
+    def __init__(self, kernel: Kernel, arrays: Sequence[np.ndarray], parameters: int):
+        self._kernel, self._arrays, self._first = kernel, tuple(arrays), 4 * len(arrays)
+        self._table = (ctypes.c_int64 * (self._first + parameters))()
+        for k, array in enumerate(arrays):
+            self._table[4 * k : 4 * k + 2] = address_of(array), array.itemsize
+
+    def __call__(self, batch: int, threads: int | None, parameters: Sequence[int], turns: int = 1) -> int:
+        """See `Kernel`; numbers in its arrays may have changed."""
+        self._table[self._first :] = parameters
+        return self._kernel._called(self._table, batch, threads, turns)
 
 
 _kernels: WeakKeyDictionary[Any, dict[Any, Any]] = WeakKeyDictionary()

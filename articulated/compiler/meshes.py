@@ -90,16 +90,15 @@ class MeshKernel:
 
         self._kernel = Kernel(mesh.name, f, on, *kept(mesh.name, f, on, content, build))
 
-    def __call__(
+    def bound(
         self,
         rows: np.ndarray,
         sums: np.ndarray,
         constants: Sequence[np.ndarray],
         elements: Sequence[tuple[np.ndarray, Sequence[np.ndarray]]],
         numbers: np.ndarray,
-        steps: int,
-    ) -> int:
-        """Take steps; a flag tells of numbers that are not finite.
+    ) -> Callable[[int], int]:
+        """What takes so many steps of them; a flag tells of numbers that are not finite.
 
         Args:
             rows: of nodes, shape (n, 8), n a whole number of lanes, on a line of the cache.
@@ -108,13 +107,13 @@ class MeshKernel:
             elements: of each law where the sums of nodes begin, in bytes, of int32, shape (blocks, nodes, lanes), and its
                 constants, each of shape (blocks lanes,).
             numbers: the same for all.
-            steps: how many.
         """
-        arrays = [rows, sums, *constants, numbers.astype(self.format.dtype)]
+        arrays = [rows, sums, *constants, numbers]
         for nodes, given in elements:
             arrays += [nodes, *given]
         counts = [len(rows) // self.format.lanes, *(len(nodes) for nodes, _ in elements)]
-        return self._kernel([(array, 0, 0, None) for array in arrays], 1, 1, [steps, *counts])
+        bound = self._kernel.bound(arrays, 1 + len(counts))
+        return lambda steps: bound(1, 1, [steps, *counts])
 
 
 def _passes(mesh: Mesh, single: bool) -> list[Straight]:

@@ -89,7 +89,14 @@ class Chained:
         blocks, lanes, dtype = len(fixed), fixed.shape[-1], fixed.dtype
         room = on_a_line((blocks, 0 if scan.root is None else scan.length, scan.kept, lanes), dtype)
         ends = on_a_line((blocks, scan.results + scan.passed, lanes), dtype)
-        return Chained(laid_out(carried, lanes, dtype), fixed, room, ends)
+        room_for = on_a_line((blocks, scan.length, scan.carried, lanes), dtype)
+        chained = Chained(room_for, fixed, room, ends)
+        chained.put(carried)
+        return chained
+
+    def put(self, carried: np.ndarray) -> None:
+        """Have other numbers carried, shape (chains, nodes, carried)."""
+        _put(carried, self.carried)
 
     def nodes(self, chains: int) -> np.ndarray:
         """What is carried, shape (chains, nodes, carried)."""
@@ -100,12 +107,17 @@ class Chained:
 def laid_out(given: np.ndarray, lanes: int, dtype: Any) -> np.ndarray:
     """Numbers of shape (chains, nodes, k) as (blocks, nodes, k, lanes); the last chain again until registers are full."""
     chains, *rest = given.shape
-    blocks = -(-max(chains, 1) // lanes)
-    whole = np.zeros((blocks * lanes, *rest), dtype)
-    whole[:chains], whole[chains:] = given, given[-1:] if chains else 0.0
-    array = on_a_line((blocks, *rest, lanes), dtype)
-    array[:] = whole.reshape(blocks, lanes, *rest).transpose(0, 2, 3, 1)
+    array = on_a_line((-(-max(chains, 1) // lanes), *rest, lanes), dtype)
+    _put(given, array)
     return array
+
+
+def _put(given: np.ndarray, array: np.ndarray) -> None:
+    chains, *rest = given.shape
+    blocks, lanes = array.shape[0], array.shape[-1]
+    whole = np.zeros((blocks * lanes, *rest), array.dtype)
+    whole[:chains], whole[chains:] = given, given[-1:] if chains else 0.0
+    array[:] = whole.reshape(blocks, lanes, *rest).transpose(0, 2, 3, 1)
 
 
 class ScanKernel:
@@ -152,23 +164,18 @@ class ScanKernel:
         """See there."""
         return laid_out(given, self.format.lanes, self.format.dtype)
 
-    def turns(self, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> int:
-        """Inwards and outwards, so often; a flag tells of numbers that are not finite."""
-        return self._call("both", chained, numbers, turns, threads)
+    def bound(self, chained: Chained, numbers: np.ndarray, part: str = "both") -> Callable[[int, int | None], int]:
+        """What takes so many turns of chains, on so many threads; a flag tells of numbers that are not finite.
 
-    def inwards(self, chained: Chained, numbers: np.ndarray, threads: int | None) -> np.ndarray:
-        """To the root: results, shape (blocks, results, lanes)."""
-        self._call("in", chained, numbers, 1, threads)
-        return chained.ends[:, : self.scan.results]
-
-    def outwards(self, chained: Chained, numbers: np.ndarray, threads: int | None) -> None:
-        """From the root, with what is passed on in `chained.ends`."""
-        self._call("out", chained, numbers, 1, threads)
-
-    def _call(self, part: str, chained: Chained, numbers: np.ndarray, turns: int, threads: int | None) -> int:
-        given = chained.carried, chained.fixed, chained.kept, chained.ends, numbers.astype(self.format.dtype)
-        arrays = [(array, 0, 0, None) for array in given]
-        return self._kernels[part](arrays, len(chained.carried) * self.format.lanes, threads, [turns], turns)
+        Args:
+            chained: chains.
+            numbers: the same for all.
+            part: "both", inwards and outwards; or of scans with a root "in", which leaves results in `chained.ends`, or "out",
+                with what is passed on there.
+        """
+        arrays = [chained.carried, chained.fixed, chained.kept, chained.ends, numbers]
+        bound, count = self._kernels[part].bound(arrays, 1), len(chained.carried) * self.format.lanes
+        return lambda turns, threads: bound(count, threads, [turns], turns)
 
 
 @dataclass(frozen=True, eq=False)

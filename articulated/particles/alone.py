@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
+from articulated.compiler.kernels import Kernel
 from articulated.compiler.streams import Stream, planes, stream_kernel
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
+from articulated.particles.resident import Laid
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.scalar import Scalar
 from articulated.spatial import Vec3
@@ -26,33 +27,37 @@ def are_alone(forces: Sequence[Force], colliders: Sequence[Collider] = ()) -> bo
     return not interpreting() and laws and all(collider.compiles for collider in colliders)
 
 
-@dataclass(frozen=True, eq=False)
-class Planes:
+class Planes(Laid):
     """A state as planes: positions, velocities, mass and its inverse, constants."""
 
-    key: Any
-    memory: np.ndarray
-    count: int
+    def __init__(self, system: Any, kernel: Kernel):
+        of_each = _of_each(system)
+        self._count = len(system.mass)
+        rows = [*np.zeros((6, self._count)), system.mass, system.inverse_mass, *of_each]
+        self._memory, self.numbers = planes(rows, system.dtype), np.zeros(2, system.dtype)
+        self._go = kernel.bound([*self._memory, self.numbers], 1)
+
+    def put(self, system: Any) -> None:
+        for plane, numbers in zip(self._memory, (*system.x.T, *system.v.T, system.mass, system.inverse_mass), strict=False):
+            plane[: self._count] = numbers
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities."""
-        return self.memory[:3, : self.count].T.copy(), self.memory[3:6, : self.count].T.copy()
+        return self._memory[:3, : self._count].T.copy(), self._memory[3:6, : self._count].T.copy()
+
+    def take(self, steps: int, threads: int | None) -> tuple[float, int]:
+        return 0.0, self._go(self._memory.shape[1], threads, [steps], steps)
 
 
-def advance(system: Any, h: float, steps: int, solver: str, threads: int | None) -> int:
-    """Take a system so many steps on; flags of its kernel."""
-    of_each = [c for force in system.forces for c in force.constants if c.ndim]
+def laid_out(system: Any, solver: str) -> Planes:
+    """Room for a system whose particles are alone, and for what takes its steps."""
     known, key = kernels_of(system.like), ("alone", solver, system.single, system.forces, system.colliders)
     if (kernel := known.get(key)) is None:
-        kernel = known[key] = stream_kernel(_stream(system, solver, len(of_each)), system.single)
-    if (laid := system.laid("alone")) is None:
-        memory = planes([*system.x.T, *system.v.T, system.mass, system.inverse_mass, *of_each], system.dtype)
-        laid = Planes("alone", memory, len(system.mass))
-    numbers = np.array([system.time, h], system.dtype)
-    arrays = [(plane, plane.itemsize, 0, None) for plane in (*laid.memory, numbers)]
-    flags = kernel(arrays, laid.memory.shape[1], threads, [steps], steps)
-    system.lay(laid, float(system.time + steps * h))
-    return flags
+        kernel = known[key] = stream_kernel(_stream(system, solver, len(_of_each(system))), system.single)
+    return Planes(system, kernel)
+
+
+def _of_each(system: Any) -> list[np.ndarray]:
+    return [c for force in system.forces for c in force.constants if c.ndim]
 
 
 def _stream(system: Any, solver: str, given: int) -> Stream:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ def positive(name: str, value: Any, zero: bool = False) -> float:
     Raises:
         ValueError: it is not.
     """
-    number = float(numbers(name, value, ()))
+    number = value if isinstance(value, float) and isfinite(value) else float(numbers(name, value, ()))
     if number < 0.0 or (number == 0.0 and not zero):
         raise ValueError(f"{name} is {number:g}; expected a number above zero{', or zero' if zero else ''}")
     return number

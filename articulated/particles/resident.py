@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from abc import ABC, abstractmethod
+from typing import Any
 
 import numpy as np
 
 
-class Laid(Protocol):
-    """A state, laid out.
+class Laid(ABC):
+    """A state, laid out for machine code that takes steps of it.
 
     Attributes:
-        key: for what machine code.
+        numbers: of the next call: when it begins and how long a step is [s].
     """
 
-    key: Any
+    numbers: np.ndarray
 
+    @abstractmethod
+    def put(self, system: Any) -> None:
+        """Take up the state that a system has."""
+
+    @abstractmethod
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         """Positions and velocities, shape (n, 3), new arrays."""
-        ...
+
+    @abstractmethod
+    def take(self, steps: int, threads: int | None) -> tuple[float, int]:
+        """Take so many steps: what is left, see `System.step`, and flags of numbers that are not finite."""
 
 
 class Resident:
@@ -31,8 +40,13 @@ class Resident:
 
     def __init__(self, x: np.ndarray, v: np.ndarray, time: float):
         self._x, self._v, self.time, self.dtype = x, v, time, x.dtype
-        self._laid: Laid | None = None
-        self._since = time
+        self._room: tuple[Any, Laid] | None = None  # where it was last laid out, and for what
+        self._is_laid, self._since = False, time
+
+    def __getstate__(self) -> dict[str, Any]:
+        """A copy has a state of its own."""
+        self._settle()
+        return self.__dict__ | {"_room": None}
 
     @property
     def x(self) -> np.ndarray:
@@ -59,27 +73,33 @@ class Resident:
         """Whether it is in float32."""
         return self.dtype == np.float32
 
-    def laid(self, key: Any) -> Any:
-        """The state as it is laid out for this machine code; None if it is not."""
-        return self._laid if self._laid is not None and self._laid.key == key else None
+    def laid(self, key: Any) -> Laid | None:
+        """Where the state is laid out for this, now or the last time; None if it is not."""
+        if self._room is None or self._room[0] != key:
+            return None
+        return self._room[1]
 
-    def lay(self, laid: Laid, time: float) -> None:
-        """The state is there from now on."""
-        if self._laid is not laid:
+    def go(self, key: Any, laid: Laid, h: float, steps: int, threads: int | None) -> tuple[float, int]:
+        """Take steps where the state is laid out; it is there from now on."""
+        if not self._is_laid or self._room is None or self._room[1] is not laid:
             self._settle()
-            self._laid, self._since = laid, self.time
-        self.time = time
+            laid.put(self)
+            self._room, self._is_laid, self._since = (key, laid), True, self.time
+        laid.numbers[:] = self.time, h
+        found = laid.take(steps, threads)
+        self.time += steps * h
+        return found
 
     def seen(self) -> tuple[np.ndarray, np.ndarray, float]:
         """The last state that there are arrays of."""
-        return self._x, self._v, self.time if self._laid is None else self._since
+        return self._x, self._v, self._since if self._is_laid else self.time
 
     def back_to(self, seen: tuple[np.ndarray, np.ndarray, float]) -> None:
         """Forget all that came after."""
-        self._laid = None
+        self._is_laid = False
         self._x, self._v, self.time = seen
 
     def _settle(self) -> None:
-        if self._laid is not None:
-            self._x, self._v = self._laid.state()
-            self._laid = None
+        if self._is_laid and self._room is not None:
+            self._x, self._v = self._room[1].state()
+            self._is_laid = False

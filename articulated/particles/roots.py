@@ -102,7 +102,8 @@ class Roots:
         assert bound is not None
         self._chained = bound.chained(system.x, self._v)
         self._numbers = np.array([system.time, self._h])
-        results = bound.kernel.inwards(self._chained, self._numbers, None)
+        bound.kernel.bound(self._chained, self._numbers, "in")(1, None)
+        results = self._chained.ends[:, : bound.strands.scan.results]
         of_chain = results.transpose(0, 2, 1).reshape(-1, 9)[:count]
         own = np.empty_like(of_chain)
         own[self._order] = of_chain
@@ -117,8 +118,8 @@ class Roots:
         passed = np.zeros((ends.shape[0] * ends.shape[2], scan.passed))
         passed[: len(self._roots), :3] = (self._J @ change)[self._order]
         ends[:, scan.results :] = passed.reshape(ends.shape[0], ends.shape[2], scan.passed).transpose(0, 2, 1)
-        bound.kernel.outwards(self._chained, self._numbers, None)
-        system.x, system.v = strands.Laid("", self._chained, len(self._roots)).state()
+        bound.kernel.bound(self._chained, self._numbers, "out")(1, None)
+        system.x, system.v = bound.state(self._chained)
 
     # anything else
 

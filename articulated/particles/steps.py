@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from articulated.compiler.interpreter import interpreting
 from articulated.particles import alone, strands, together, woven
+from articulated.particles.resident import Laid
 from articulated.particles.solvers.adaptive import Adaptive
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.particles.solvers.implicit import ImplicitEuler
@@ -31,21 +35,33 @@ def method_of(solver: Solver) -> Solver:
 
 def advance(system: Any, h: float, method: Any, steps: int, threads: int | None) -> tuple[float, int | None]:
     """Take a system so many steps on: what is left, see `System.step`; and flags of numbers, None if nobody looked."""
-    if isinstance(method, ImplicitEuler) and method.turns == 1:
-        if strands.are_strands(system):
-            return 0.0, strands.advance(system, h, steps, threads)
-        if system.chains is None and woven.are_woven(system):
-            return woven.advance(system, h, steps, method.iterations)
-    elif isinstance(method, str):
-        if alone.are_alone(system.forces, system.colliders):
-            return 0.0, alone.advance(system, h, steps, method, threads)
-        if together.are_laws(system.forces, method, system.colliders):
-            return 0.0, together.advance(system, h, steps, method)
+    key = method, system.forces, system.colliders
+    laid = system.laid(key)
+    if laid is None or interpreting():
+        laid = _laid_out(system, method)
+    if laid is not None:
+        return system.go(key, laid, h, steps, threads)
     wide = system.at(system.x, system.v, system.time) if system.single else system
-    residual = max((_step(wide, h, method) for _ in range(steps)), default=0.0)
+    with np.errstate(over="ignore", invalid="ignore"):
+        residual = max((_step(wide, h, method) for _ in range(steps)), default=0.0)
     if wide is not system:
         system.x, system.v, system.time = wide.x, wide.v, wide.time
     return residual, None
+
+
+def _laid_out(system: Any, method: Any) -> Laid | None:
+    """Room for machine code that takes steps by a method; None if there is none yet."""
+    if isinstance(method, ImplicitEuler) and method.turns == 1:
+        if strands.are_strands(system):
+            return strands.laid_out(system)
+        if system.chains is None and woven.are_woven(system):
+            return woven.laid_out(system, method.iterations)
+    elif isinstance(method, str):
+        if alone.are_alone(system.forces, system.colliders):
+            return alone.laid_out(system, method)
+        if together.are_laws(system.forces, method, system.colliders):
+            return together.laid_out(system, method)
+    return None
 
 
 def _step(system: Any, h: float, method: Any) -> float:

@@ -21,6 +21,7 @@ from articulated.particles.chains import Chains, Factor
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
+from articulated.particles.resident import Laid
 from articulated.scalar import Scalar, either, where
 from articulated.spatial import Mat3, Sym3, Vec3
 
@@ -267,50 +268,67 @@ def are_strands(system: Any) -> bool:
     return not interpreting() and system.chains is not None and laws
 
 
-def advance(system: Any, h: float, steps: int, threads: int | None) -> int:
-    """Take a system of chains so many linear implicit steps on; flags of its kernel."""
-    bound = bound_to(system, "step")
-    if (laid := system.laid("strands")) is None:
-        laid = Laid("strands", bound.chained(system.x, system.v), system.chains.count)
-    flags = bound.kernel.turns(laid.chained, np.array([system.time, h]), steps, threads)
-    system.lay(laid, float(system.time + steps * h))
-    return flags
+def laid_out(system: Any) -> SideBySide:
+    """Room for a system of chains, and for what takes its linear implicit steps."""
+    return SideBySide(system, bound_to(system, "step"))
 
 
 def turn(system: Any, h: float, v: np.ndarray) -> np.ndarray:
     """The change of velocities v in a turn of Newton's method."""
     bound = bound_to(system, "turn")
-    chained = bound.chained(system.x, v, system.v)
-    bound.kernel.turns(chained, np.array([system.time, h]), 1, None)
-    return chained.nodes(system.chains.count).reshape(-1, 9)[:, 3:6]
+    if bound.work is None:
+        bound.work = SideBySide(system, bound, system.v)
+    work = bound.work
+    work.chained.put(bound.nodes(system.x, v, system.v))
+    work.numbers[:] = system.time, h
+    work.take(1, None)
+    return work.state()[1]
 
 
-@dataclass(frozen=True, eq=False)
-class Laid:
+class SideBySide(Laid):
     """A state as chains side by side."""
 
-    key: Any
-    chained: Chained
-    count: int
+    def __init__(self, system: Any, bound: Bound, *others: np.ndarray):
+        """Of a system, and of what particles carry besides places and velocities."""
+        self._bound, self.chained = bound, bound.chained(system.x, system.v, *others)
+        self.numbers = np.zeros(2, system.dtype)
+        self._go = bound.kernel.bound(self.chained, self.numbers)
+
+    def put(self, system: Any) -> None:
+        self.chained.put(self._bound.nodes(system.x, system.v))
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities."""
-        rows = self.chained.nodes(self.count).reshape(-1, 6)
-        return rows[:, :3].copy(), rows[:, 3:].copy()
+        return self._bound.state(self.chained)
+
+    def take(self, steps: int, threads: int | None) -> tuple[float, int]:
+        return 0.0, self._go(steps, threads)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Bound:
-    """Strands of a system in machine code, and what is fixed of them, laid out."""
+    """Strands of a system in machine code, and what is fixed of them, laid out.
+
+    Attributes:
+        work: of turns of Newton's method, where it works.
+    """
 
     strands: Strands
     kernel: ScanKernel
     fixed: np.ndarray
+    work: SideBySide | None = None
 
     def chained(self, *carried: np.ndarray) -> Chained:
         """What particles carry, each of shape (n, 3), laid out."""
-        nodes = np.concatenate(carried, axis=1).reshape(*self.strands.fixed.shape[:2], -1)
-        return Chained.of(self.strands.scan, nodes, self.fixed)
+        return Chained.of(self.strands.scan, self.nodes(*carried), self.fixed)
+
+    def nodes(self, *carried: np.ndarray) -> np.ndarray:
+        """Chain by chain."""
+        return np.concatenate(carried, axis=1).reshape(*self.strands.fixed.shape[:2], -1)
+
+    def state(self, chained: Chained) -> tuple[np.ndarray, np.ndarray]:
+        """Positions and velocities of chains."""
+        rows = chained.nodes(len(self.strands.fixed)).reshape(-1, self.strands.scan.carried)
+        return rows[:, :3].copy(), rows[:, 3:6].copy()
 
 
 def bound_to(system: Any, kind: str) -> Bound:

@@ -12,10 +12,10 @@ import numpy as np
 
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
-from articulated.compiler.meshes import Mesh, MeshKernel
+from articulated.compiler.meshes import Mesh
 from articulated.particles.forces.force import Law
 from articulated.particles.points import Point
-from articulated.particles.together import Rows, Told, elements_of, filled, gone_through, of_nodes, pull
+from articulated.particles.together import Bound, Rows, Told, gone_through, pull
 from articulated.scalar import Scalar
 from articulated.spatial import Vec3
 
@@ -59,14 +59,14 @@ class Sums:
         system = self._system
         known, key = kernels_of(system.like), (name, system.forces)
         if (found := known.get(key)) is None:
-            kernel = MeshKernel(_mesh(name, system.forces, told))
-            lanes = kernel.format.lanes
-            constants = [filled(c, lanes, float) for c in of_nodes(system)]
-            found = known[key] = kernel, elements_of(system, lanes), constants, Rows.of(system, lanes)
-        kernel, elements, constants, given = found
-        given.put(system, x, v)
-        kernel(given.rows, given.sums, constants, elements, np.array([t]), 1)
-        return given.rows[: given.count, :3]
+            bound = Bound.of(system, _mesh(name, system.forces, told), single=False)
+            rows, numbers = Rows.of(system, bound.kernel.format.lanes), np.zeros(1)
+            found = known[key] = rows, numbers, bound.go(rows, numbers)
+        rows, numbers, go = found
+        rows.put(system, x, v)
+        numbers[:] = t
+        go(1)
+        return rows.rows[: rows.count, :3]
 
 
 def _mesh(name: str, forces: Sequence[Law], told: Told) -> Mesh:

@@ -237,8 +237,7 @@ class System(Resident):
             raise ValueError(f"steps is {steps!r}; expected a whole number")
         before = self.seen()
         try:
-            with np.errstate(over="ignore", invalid="ignore"):
-                residual, flags = advance(self, h, method, steps, threads)
+            residual, flags = advance(self, h, method, steps, threads)
             if flags is None or flags:
                 self._check_finite(h, solver, steps, before[2])
         except Exception:
@@ -298,8 +297,8 @@ class System(Resident):
     def arrive(self, h: float, x: np.ndarray, v: np.ndarray, lag: float) -> None:
         """Where a step would have led, unless something was in the way."""
         if self.colliders:
-            here = [vectors(part) for part in (self.x, self.v, x, v)]
-            found = collided(self.colliders, self.time, h, *here, self.inverse_mass > 0.0, lag)
+            old, new = (vectors(self.x), vectors(self.v)), (vectors(x), vectors(v))
+            found = collided(self.colliders, self.time, h, *old, *new, free=self.inverse_mass > 0.0, lag=lag)
             x, v = (np.stack(list(new), axis=1) for new in found)
         self.x, self.v, self.time = x, v, self.time + h
 

@@ -17,6 +17,7 @@ from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force, Law
 from articulated.particles.points import Point
+from articulated.particles.resident import Laid
 from articulated.particles.solvers.explicit import EXPLICIT, LAGS
 from articulated.scalar import Scalar
 from articulated.spatial import Vec3
@@ -42,21 +43,18 @@ def are_laws(forces: Sequence[Force], solver: str, colliders: Sequence[Collider]
 class Rows:
     """A state as rows of eight: position, mass, velocity, inverse mass; and room for sums."""
 
-    key: Any
     rows: np.ndarray
     sums: np.ndarray
     count: int
 
     @staticmethod
     def of(system: Any, lanes: int) -> Rows:
-        """Of a system as it is."""
-        rows = on_a_line((_size(len(system.mass), lanes), ROW), system.dtype)
-        made = Rows("together", rows, on_a_line((len(rows), SUM), system.dtype), len(system.mass))
-        made.put(system, system.x, system.v)
-        return made
+        """Room for a system, a whole number of registers."""
+        size = _size(len(system.mass), lanes)
+        return Rows(on_a_line((size, ROW), system.dtype), on_a_line((size, SUM), system.dtype), len(system.mass))
 
     def put(self, system: Any, x: np.ndarray, v: np.ndarray) -> None:
-        """Have them in a state."""
+        """Have it in a state."""
         n, rows = self.count, self.rows
         rows[:n, :3], rows[:n, 3], rows[:n, 4:7], rows[:n, 7] = x, system.mass, v, system.inverse_mass
         rows[n:] = 0.0
@@ -67,20 +65,49 @@ class Rows:
         return self.rows[: self.count, :3].copy(), self.rows[: self.count, 4:7].copy()
 
 
-def advance(system: Any, h: float, steps: int, solver: str) -> int:
-    """Take a system so many steps on; flags of its kernel."""
+class Meshed(Laid):
+    """A state as rows, with what goes through all of it."""
+
+    def __init__(self, system: Any, bound: Bound):
+        self.rows, self.numbers = Rows.of(system, bound.kernel.format.lanes), np.zeros(2, system.dtype)
+        self._go = bound.go(self.rows, self.numbers)
+
+    def put(self, system: Any) -> None:
+        self.rows.put(system, system.x, system.v)
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.rows.state()
+
+    def take(self, steps: int, threads: int | None) -> tuple[float, int]:
+        return 0.0, self._go(steps)
+
+
+@dataclass(frozen=True, eq=False)
+class Bound:
+    """A mesh's kernel, with what belongs to the nodes and elements of a system."""
+
+    kernel: MeshKernel
+    elements: list[tuple[np.ndarray, list[np.ndarray]]]
+    constants: list[np.ndarray]
+
+    @staticmethod
+    def of(system: Any, mesh: Mesh, single: bool) -> Bound:
+        """Of a mesh that is made of a system."""
+        kernel = MeshKernel(mesh, single)
+        lanes, dtype = kernel.format.lanes, kernel.format.dtype
+        return Bound(kernel, elements_of(system, lanes, dtype), [filled(c, lanes, dtype) for c in of_nodes(system)])
+
+    def go(self, rows: Rows, numbers: np.ndarray) -> Callable[[int], int]:
+        """What takes so many steps of rows."""
+        return self.kernel.bound(rows.rows, rows.sums, self.constants, self.elements, numbers)
+
+
+def laid_out(system: Any, solver: str) -> Meshed:
+    """Room for a system, and for what takes its steps."""
     known, key = kernels_of(system.like), ("together", solver, system.single, system.forces, system.colliders)
-    if (found := known.get(key)) is None:
-        kernel = MeshKernel(_mesh(system, solver), system.single)
-        lanes = kernel.format.lanes
-        constants = [filled(c, lanes, system.dtype) for c in of_nodes(system)]
-        found = known[key] = kernel, elements_of(system, lanes), constants
-    kernel, elements, constants = found
-    if (laid := system.laid("together")) is None:
-        laid = Rows.of(system, kernel.format.lanes)
-    flags = kernel(laid.rows, laid.sums, constants, elements, np.array([system.time, h]), steps)
-    system.lay(laid, float(system.time + steps * h))
-    return flags
+    if (bound := known.get(key)) is None:
+        bound = known[key] = Bound.of(system, _mesh(system, solver), system.single)
+    return Meshed(system, bound)
 
 
 def _mesh(system: Any, solver: str) -> Mesh:
@@ -134,10 +161,9 @@ def gone_through(forces: Sequence[Law], told: Told = pull) -> tuple[int, Callabl
     return sum(c.ndim for force in alone for c in force.constants), begin, laws
 
 
-def elements_of(system: Any, lanes: int, group: int | None = None) -> list[tuple[np.ndarray, list[np.ndarray]]]:
+def elements_of(system: Any, lanes: int, dtype: Any, group: int = 0) -> list[tuple[np.ndarray, list[np.ndarray]]]:
     """Of each law between particles, whose they are and what it knows of each; a multiple of so many elements."""
-    group = lanes if group is None else group
-    n, found = len(system.mass), []
+    group, n, found = max(group, lanes), len(system.mass), []
     for force in system.forces:
         if force.particles is None:
             continue
@@ -145,9 +171,9 @@ def elements_of(system: Any, lanes: int, group: int | None = None) -> list[tuple
         numbers = np.empty((-(-count // group) * group, size), np.int32)
         order = _apart(count)
         numbers[:count], numbers[count:] = force.particles[order], n + np.arange(size)
-        numbers *= SUM * system.dtype.itemsize
+        numbers *= SUM * np.dtype(dtype).itemsize
         blocks = np.ascontiguousarray(numbers.reshape(-1, lanes, size).transpose(0, 2, 1))
-        found.append((blocks, [filled(c[order], group, system.dtype) for c in force.constants if c.ndim]))
+        found.append((blocks, [filled(c[order], group, dtype) for c in force.constants if c.ndim]))
     return found
 
 

@@ -22,6 +22,7 @@ from articulated.particles.chains import Factor
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Law
 from articulated.particles.points import Point
+from articulated.particles.resident import Laid
 from articulated.particles.together import Rows, elements_of, filled, of_nodes
 from articulated.scalar import Scalar, where
 from articulated.spatial import Mat3, Sym3, Vec3
@@ -36,46 +37,44 @@ def are_woven(system: Any) -> bool:
     return not interpreting() and laws and all(collider.compiles for collider in system.colliders)
 
 
-def advance(system: Any, h: float, steps: int, turns: int) -> tuple[float, int]:
-    """Take a system so many linear implicit steps on: what is left [m/s], and flags of the kernel."""
-    bound = bound_to(system, linear=True)
-    laid = bound.laid(system) if (laid := system.laid("woven")) is None else laid
-    left, flags = bound.solved(laid, system, h, steps, turns)
-    system.lay(laid, float(system.time + steps * h))
-    return left, flags
+def laid_out(system: Any, iterations: int) -> Woven:
+    """Room for a system, and for what takes its linear steps, so many turns of conjugate gradients in each."""
+    return Woven(system, _bound_to(system, linear=True), iterations)
 
 
-def turn(system: Any, h: float, v: np.ndarray, turns: int) -> tuple[np.ndarray, float]:
+def turn(system: Any, h: float, v: np.ndarray, iterations: int) -> tuple[np.ndarray, float]:
     """The change of velocities v in a turn of Newton's method, and what is left of its equation [m/s]."""
-    bound = bound_to(system, linear=False)
-    if bound.work is None:
-        bound.work = bound.laid(system)
-    bound.work.rows.put(system, system.x, v)
+    bound = _bound_to(system, linear=False)
+    work = bound.work = Woven(system, bound, iterations) if bound.work is None else bound.work
+    work.put(system, v)
     for plane, before in zip(bound.constants[-3:], system.v.T, strict=True):
         plane[: len(before)] = before
-    left, _ = bound.solved(bound.work, system, h, 1, turns)
-    return bound.work.state()[1], left
+    work.numbers[:] = system.time, h
+    left, _ = work.take(1, None, iterations)
+    return work.state()[1], left
 
 
-def bound_to(system: Any, linear: bool) -> Bound:
-    """Made once for what a system's lists are."""
-    known, key = kernels_of(system.like), ("woven", linear, system.single, system.forces, system.colliders)
-    if (bound := known.get(key)) is None:
-        bound = known[key] = Bound.of(system, linear)
-    return bound
-
-
-@dataclass(frozen=True, eq=False)
-class Laid:
+class Woven(Laid):
     """A state as rows, with room for what conjugate gradients carry."""
 
-    key: Any
-    rows: Rows
-    room: Any
+    def __init__(self, system: Any, bound: Bound, iterations: int):
+        self.rows, self.numbers = Rows.of(system, 8), np.zeros(2, system.dtype)
+        n = len(self.rows.rows)
+        shapes = (bound.kernel.planes, n), (n, SUM), (n, SUM), (n, 2 * SUM)
+        room = tuple(on_a_line(shape, system.dtype) for shape in shapes)
+        self._mass, self._iterations = 1.0, iterations
+        self._go = bound.kernel.bound(self.rows.rows, room, bound.constants, bound.elements, self.numbers)  # type: ignore[arg-type]
+
+    def put(self, system: Any, v: np.ndarray | None = None) -> None:
+        self.rows.put(system, system.x, system.v if v is None else v)
+        self._mass = max(float(system.mass.sum()), np.finfo(float).tiny)
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
-        """Positions and velocities."""
         return self.rows.state()
+
+    def take(self, steps: int, threads: int | None, iterations: int | None = None) -> tuple[float, int]:
+        left, flags = self._go(steps, iterations or self._iterations)
+        return float(np.sqrt(max(left, 0.0) / self._mass)), flags
 
 
 @dataclass(eq=False)
@@ -89,30 +88,25 @@ class Bound:
     kernel: ImplicitKernel
     constants: list[np.ndarray]
     elements: list[tuple[np.ndarray, list[np.ndarray], np.ndarray]]
-    work: Laid | None = None
+    work: Woven | None = None
 
     @staticmethod
     def of(system: Any, linear: bool) -> Bound:
         """For linear steps, or for turns of Newton's method; nodes have the velocity before the step then."""
         kernel, elements = ImplicitKernel(_implicit(system, linear), system.single), []
-        lanes = kernel.format.lanes
-        for (nodes, given), kept in zip(elements_of(system, lanes, 8), kernel.kept, strict=True):
-            elements.append((nodes, given, on_a_line((len(nodes), kept, lanes), system.dtype)))
+        lanes, dtype = kernel.format.lanes, kernel.format.dtype
+        for (nodes, given), kept in zip(elements_of(system, lanes, dtype, 8), kernel.kept, strict=True):
+            elements.append((nodes, given, on_a_line((len(nodes), kept, lanes), dtype)))
         of_each = [*of_nodes(system), *([] if linear else system.v.T)]
-        return Bound(kernel, [filled(c, 8, system.dtype) for c in of_each], elements)
+        return Bound(kernel, [filled(c, 8, dtype) for c in of_each], elements)
 
-    def laid(self, system: Any) -> Laid:
-        """A system as it is."""
-        rows = Rows.of(system, 8)
-        n = len(rows.rows)
-        shapes = (self.kernel.planes, n), (n, SUM), (n, SUM), (n, 2 * SUM)
-        return Laid("woven", rows, tuple(on_a_line(shape, system.dtype) for shape in shapes))
 
-    def solved(self, laid: Laid, system: Any, h: float, steps: int, turns: int) -> tuple[float, int]:
-        """Take steps, with so many turns of conjugate gradients in each: what is left [m/s], and flags of the kernel."""
-        given = np.array([system.time, h])
-        left, flags = self.kernel(laid.rows.rows, laid.room, self.constants, self.elements, given, steps, turns)
-        return float(np.sqrt(max(left, 0.0) / max(system.mass.sum(), np.finfo(float).tiny))), flags
+def _bound_to(system: Any, linear: bool) -> Bound:
+    """Made once for what a system's lists are."""
+    known, key = kernels_of(system.like), ("woven", linear, system.single, system.forces, system.colliders)
+    if (bound := known.get(key)) is None:
+        bound = known[key] = Bound.of(system, linear)
+    return bound
 
 
 def _implicit(system: Any, linear: bool) -> Implicit:
