@@ -47,13 +47,6 @@ log = _elementary("log", math.log)
 absolute = _elementary("absolute", abs)
 
 
-def inverse_sqrt(x: Scalar) -> Scalar:
-    """1/√x of a positive number; machine code has neither a root nor a quotient in it, and is off by an ulp."""
-    if isinstance(x, (float, int, *_NUMPY)):
-        return 1.0 / sqrt(x)
-    return x.inverse_sqrt()
-
-
 def atan2(y: Scalar, x: Scalar) -> Scalar:
     """The angle of the point (x, y) [rad], in [-π, π]."""
     for operand in (y, x):

@@ -24,7 +24,6 @@ _CALLS = {
     "power2": "art_power2",
     "exponent": "art_exponent",
     "fraction": "art_fraction",
-    "root_guess": "art_root_guess",
 }
 
 
@@ -40,7 +39,7 @@ def prelude(single: bool) -> str:
     real, bits = ("float", "uint32_t") if single else ("double", "uint64_t")
     text = _PRELUDE + (_SINGLE if single else _DOUBLE) + _PATTERNS
     shown = {"REAL": real, "BITS": bits, "SHIFT": str(pattern.shift)}
-    shown |= {"ONE": hex(pattern.one), "ROOT": hex(pattern.root), "GUESS": hex(pattern.guess)}
+    shown |= {"ONE": hex(pattern.one), "ROOT": hex(pattern.root)}
     for name, value in shown.items():
         text = text.replace(f"@{name}@", value)
     return text
@@ -325,7 +324,6 @@ static inline float art_sqrt(float x)
 _PATTERNS = """
 static inline @REAL@ art_abs(@REAL@ x) { return art_from_bits(art_bits(x) << 1 >> 1); }
 static inline @REAL@ art_power2(@REAL@ x) { return art_from_bits((art_bits(x) << @SHIFT@) + @ONE@u); }
-static inline @REAL@ art_root_guess(@REAL@ x) { return art_from_bits(@GUESS@u - (art_bits(x) >> 1)); }
 /* x = fraction 2^exponent, the fraction from half the root of 2 to that root */
 static inline int art_whole(@REAL@ x)
 {

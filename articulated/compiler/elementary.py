@@ -168,21 +168,6 @@ def log(x: Traced, single: bool) -> Scalar:
     return where(x >= 0.0, result, math.nan)
 
 
-def inverse_sqrt(x: Traced, single: bool) -> Scalar:
-    """1/√x of a positive normal number: a guess from its pattern (Lomont 2003), then two steps of Householder's method.
-
-    With e = 1 − x y² the root is y (1 − e)^−½, of which each step takes some terms.
-    """
-    y = x.of("root_guess", x)
-    for terms in ((0.3125, 0.375, 0.5), (0.5,) if single else (0.3125, 0.375, 0.5)):
-        e = x.of("fma", -(x * y), y, 1.0)
-        series: Any = terms[0]
-        for c in terms[1:]:
-            series = x.of("fma", series, e, c)
-        y = x.of("fma", y * e, series, y)
-    return y
-
-
 def atan2(y: Scalar, x: Scalar, single: bool) -> Scalar:
     """The angle of the point (x, y); the sign of a zero is not looked at, and at the origin it is 0."""
     traced = y if hasattr(y, "graph") else x

@@ -11,7 +11,6 @@ input a k         scalar k of argument a                           select m a b 
 row l a k         the same of a row, one row a turn of loop l      bit n a              mask: bit n of the number's pattern
 add sub mul div   a + b, a − b, a b, a / b                         power2 a             2^k for a = magic + k (see elementary)
 neg abs sqrt same −a, |a|, √a, a                                     exponent, fraction   of a = fraction 2^exponent, ½√2 … √2
-root_guess a      1/√a to 3.5 %, from the number's pattern
 fma a b c         a b + c, rounded once (chosen by the schedule)   carried, after l k   what loop l carries: in it, after it
 loop l            where loop l stands                              lookup t a           entry a of table t
 column l k        column k of the row that loop l is at            yield l r k          what it made of row r: its k-th number
@@ -368,9 +367,6 @@ class Traced:
     def sqrt(self) -> Scalar:
         return self.graph.scalar(self.graph.sqrt(self.index))
 
-    def inverse_sqrt(self) -> Scalar:
-        return elementary.inverse_sqrt(self, self.graph.single)
-
     def nearest(self) -> Scalar:
         return elementary.nearest(self, self.graph.single)
 
@@ -443,7 +439,7 @@ class Traced:
         return rebuilt(carry, iter([Traced(graph, i) for i in after]))
 
     def of(self, name: str, *operands: Any) -> Traced:
-        """A node that only elementary functions use: fma, bit, power2, exponent, fraction, root_guess."""
+        """A node that only elementary functions use: fma, bit, power2, exponent, fraction."""
         indices = [x if isinstance(x, int) else self.index_of(x) for x in operands]
         return Traced(self.graph, self.graph.node(name, *indices))
 

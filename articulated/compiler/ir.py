@@ -14,14 +14,11 @@ ATTRIBUTES = 'nounwind noinline "stackrealign" "prefer-vector-width"="512" "min-
 
 
 class Pattern(NamedTuple):
-    """Of a number's bits: how many are of the fraction; the pattern of 1, and that of √½; what half a pattern is taken from to
-    guess the inverse of its root.
-    """
+    """Of a number's bits: how many are of the fraction; the pattern of 1, and that of √½."""
 
     shift: int
     one: int
     root: int
-    guess: int
 
 
 @dataclass(frozen=True)
@@ -66,8 +63,8 @@ class Format:
     @property
     def pattern(self) -> Pattern:
         if self.single:
-            return Pattern(23, 0x3F800000, 0x3F3504F3, 0x5F375A86)
-        return Pattern(52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD, 0x5FE6EB50C7B537A9)
+            return Pattern(23, 0x3F800000, 0x3F3504F3)
+        return Pattern(52, 0x3FF0000000000000, 0x3FE6A09E667F3BCD)
 
     def vector(self, of: str) -> str:
         return of if self.lanes == 1 else f"<{self.lanes} x {of}>"

@@ -4,8 +4,8 @@ A node is a row of eight numbers, what is done to it a row of four. As many elem
 once: the rows of their nodes are loaded whole and transposed in registers, and so is what comes of it, which is added to the
 nodes' sums element by element. So sums have one order, and one result, whatever the registers.
 
-A kernel is that of `lowering`; its table is made by `MeshKernel`. It takes steps, each of which goes once through all nodes, to
-begin their sums; through all elements of each law; and through all nodes again.
+A kernel is that of `lowering`; its table is made by `MeshKernel`. It takes steps, each of which goes once through all elements
+of each law and then through all nodes, which begins their sums for the next step too.
 """
 
 from __future__ import annotations
@@ -161,22 +161,22 @@ class _Writer(RowWriter):
         steps, blocks, *counts = (t.word("%table", first + k) for k in range(2 + len(mesh.elements)))
         f = self.f
         start = [t.spread(t.load(t.at(numbers, k * f.bytes), f.number, f.bytes)) for k in range(mesh.numbers)]
+        with t.loop(blocks) as block:
+            row = self._row(self._nodes(rows, block.k))
+            self._put_rows(sums, block.k, self._work(begin, [*row, *self._constants(constants, block.k), *start]))
         with t.loop(steps, t.V, [*start, "zeroinitializer"]) as step:
             numbers = step.values[:-1]
-            with t.loop(blocks) as block:
-                here = self._nodes(rows, block.k)
-                done = self._work(begin, [*self._row(here), *self._constants(constants, block.k), *numbers])
-                self._put_rows(sums, block.k, done)
             for (nodes, given), law, one, some in zip(elements, mesh.elements, laws, counts, strict=True):
                 act = partial(self._act, law, one, rows, nodes, given, numbers)
                 self._in_tiles(some, [], act, partial(self._put_to_sums, law, one, sums, nodes))
+            later = self._work(go_on, numbers)
             with t.loop(blocks, t.V, step.values[-1:]) as block:
-                here = self._nodes(rows, block.k)
-                done = self._three(sums, block.k)
-                new = self._work(end, [*self._row(here), *done, *self._constants(constants, block.k), *numbers])
+                here, own = self._nodes(rows, block.k), self._constants(constants, block.k)
+                new = self._work(end, [*self._row(here), *self._three(sums, block.k), *own, *numbers])
                 self._put_wide(here, new)
+                self._put_rows(sums, block.k, self._work(begin, [*new, *own, *later]))
                 block.following = [t.marked(block.values[0], new)]
-            step.following = [*self._work(go_on, numbers), *block.values]
+            step.following = [*later, *block.values]
         flags = t.flag(step.values[-1], NOT_FINITE_OUT)
         kernel = t.function("i64", "kernel", "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile", flags, linkage="")
         return module_of([kernel], f)

@@ -285,16 +285,13 @@ class Operations:
         return x
 
     def _on_pattern(self, op: str, x: str) -> str:
-        """power2, exponent, fraction and root_guess work on the pattern of a number."""
+        """power2, exponent and fraction work on the pattern of a number."""
         text, f, N = self.text, self.f, self.text.N
         shift = f.integers(f.pattern.shift)
         pattern = self._pattern_of(x)
         if op == "power2":
             moved = text.let(f"shl {N} {pattern}, {shift}")
             return self._number_of(text.let(f"add {N} {moved}, {f.integers(f.pattern.one)}"))
-        if op == "root_guess":
-            half = text.let(f"lshr {N} {pattern}, {f.integers(1)}")
-            return self._number_of(text.let(f"sub {N} {f.integers(f.pattern.guess)}, {half}"))
         k = text.let(f"ashr {N} {text.let(f'sub {N} {pattern}, {f.integers(f.pattern.root)}')}, {shift}")
         if op == "exponent":
             return text.let(f"sitofp {N} {k} to {text.V}")

@@ -35,7 +35,8 @@ def differences(one: Straight, width: int) -> dict[int, int] | None:
 def opposite(one: Straight, k: int) -> bool:
     """Whether what is done to the k-th node is the opposite of what is done to the first."""
     first, other = one.outputs[:3], one.outputs[3 * k : 3 * k + 3]
-    return k > 0 and all(one.nodes[b] == ("neg", a) for a, b in zip(first, other, strict=True))
+    nodes, pairs = one.nodes, zip(first, other, strict=True)
+    return k > 0 and all(nodes[b] == ("neg", a) or nodes[a] == ("neg", b) for a, b in pairs)
 
 
 def scattered(one: Straight, count: int) -> list[int]:

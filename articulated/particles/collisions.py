@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from articulated.particles.colliders import LIFT, NEAR, Collider
-from articulated.scalar import Scalar, either, given, inverse_sqrt, maximum, where
+from articulated.scalar import Scalar, either, given, maximum, sqrt, where
 from articulated.spatial import Vec3
 
 _TINY = 1e-30
@@ -88,4 +88,4 @@ def _met(
 
 def _slowed(v: Vec3, by: Scalar) -> Vec3:
     """A velocity after friction took so much of its speed, all of it if there is less."""
-    return v * maximum(1.0 - by * inverse_sqrt(maximum(v.dot(v), _TINY)), 0.0)
+    return v * maximum(1.0 - by / sqrt(maximum(v.dot(v), _TINY)), 0.0)

@@ -101,10 +101,6 @@ class Dual:
         root = scalar.sqrt(self.value)
         return Dual(root, self.change * scalar.reciprocal(2.0 * root))
 
-    def inverse_sqrt(self) -> Dual:
-        value = scalar.inverse_sqrt(self.value)
-        return Dual(value, self.change * (-0.5 * value * value * value))
-
     def sin(self) -> Dual:
         return Dual(scalar.sin(self.value), self.change * scalar.cos(self.value))
 

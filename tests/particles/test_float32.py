@@ -14,7 +14,7 @@ FLAT = np.float32
 
 def dust(dtype, **more):
     rng = np.random.default_rng(0)
-    x, v = rng.uniform(-1, 1, (99, 3)) + (0, 0, 1.5), rng.normal(size=(99, 3))
+    x, v = rng.uniform((-1, -1, 0.5), (1, 1, 2.5), (99, 3)), rng.normal(size=(99, 3))
     forces = [ap.Gravity(), ap.Drag(0.3, ap.vortex((0, 0, 0), (0, 0, 1), 3.0))]
     return ap.System(x.astype(dtype), v.astype(dtype), rng.uniform(1, 2, 99).astype(dtype), forces, **more)
 

@@ -11,7 +11,7 @@ import numpy as np
 from articulated.particles.check import elements, in_range, per_element, settle
 from articulated.particles.forces.force import Law
 from articulated.particles.points import Point
-from articulated.scalar import Scalar, inverse_sqrt, maximum, where
+from articulated.scalar import Scalar, maximum, sqrt, where
 from articulated.spatial import Vec3
 
 _LEAST = 1e-30
@@ -71,7 +71,7 @@ class Springs(Law):
     def pull(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Sequence[Vec3]:
         (a, b), (stiffness, damping, rest) = points, constants
         u, length, _ = _direction(a.x - b.x)
-        f = u * -(stiffness * (length - rest) + damping * (a.v - b.v).dot(u))
+        f = u * (stiffness * (rest - length) - damping * (a.v - b.v).dot(u))
         return [f, -f]
 
     def potential(self, t: Scalar, points: Sequence[Point], *constants: Scalar) -> Scalar:
@@ -99,5 +99,6 @@ def _direction(d: Vec3) -> tuple[Vec3, Scalar, Scalar]:
     """A vector's direction, its length, and the inverse of that; all zero if it is too short to have a direction."""
     square = d.dot(d)
     is_long = square > _LEAST
-    inverse = where(is_long, inverse_sqrt(where(is_long, square, 1.0)), 0.0)
-    return d * inverse, square * inverse, inverse
+    length = sqrt(where(is_long, square, 1.0))
+    inverse = where(is_long, 1.0 / length, 0.0)
+    return d * inverse, where(is_long, length, 0.0), inverse
