@@ -24,6 +24,9 @@ from articulated.compiler.straight import Straight
 from articulated.compiler.streams import on_a_line
 from articulated.scalar import Scalar
 
+_SIDE_BY_SIDE = 64
+"""Bytes of a number of chains side by side: of registers that are half as long two, of which one goes on while the other waits."""
+
 Scalars = Sequence[Scalar]
 Pair = tuple[Scalars, Scalars]
 
@@ -131,7 +134,7 @@ class ScanKernel:
         from articulated.compiler.machine import machine
 
         on = machine()
-        f = Format(on.register // (4 if single else 8), single)
+        f = Format(_SIDE_BY_SIDE // (4 if single else 8), single)
         self.scan, self.format = scan, f
         work = _Work.of(scan, single)
         parts = ["in", "out"] if scan.root is not None else ["both"]
