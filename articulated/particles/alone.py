@@ -77,7 +77,7 @@ def _stream(system: Any, solver: str, given: int) -> Stream:
         x, v = Vec3.of(carried[:3]), Vec3.of(carried[3:])
         new = EXPLICIT[solver](acceleration, t, h, x, v)
         if system.colliders:
-            new = collided(system.colliders, t, h, x, v, *new, inverse > 0.0, LAGS[solver])
+            new = collided(system.colliders, t, h, x, v, *new, inverse > 0.0 if system.pins else True, LAGS[solver])
         return [*new[0], *new[1], t + h, h]
 
     return Stream("particles", 6, 2 + given, 2, turn)

@@ -147,6 +147,8 @@ class Strands:
         carried = self._carried = 9 if self._turns else 6
         self._count, self._length, self._forces = chains.count, chains.length, system.forces
         self._colliders = () if rooted else system.colliders
+        held = system.inverse_mass.reshape(chains.count, chains.length) == 0.0
+        self._pins, self._firsts_only = system.pins, not held[:, 1:].any()
         self._layers = layers(chains, system.forces)
         self._reach = max(layer.reach for layer in self._layers)
         self._alone = [law for law in system.forces if isinstance(law, Law) and law.particles is None]
@@ -175,7 +177,10 @@ class Strands:
     def _inward(self, rows: Sequence[Scalars], handed: Scalars, numbers: Scalars) -> tuple[Scalars, Scalars]:
         """Gather all that ends at a particle, and give it up."""
         here = self._gathered(rows, handed, numbers)
-        factor = Factor.where_free(here.D[0], where(rows[0][self._carried + 1] > 0.0, 1.0, 0.0))
+        if self._pins and not (self._firsts_only and len(rows) > 1):
+            factor = Factor.where_free(here.D[0], where(rows[0][self._carried + 1] > 0.0, 1.0, 0.0))
+        else:
+            factor = Factor.of(here.D[0])
         y, parts = factor.solve(here.r[0]), {}
         for k in range(1, len(rows)):
             parts[k] = factor.solve_each(here.E[0, k])
@@ -253,7 +258,7 @@ class Strands:
         new_v = v + change
         new = x + new_v * h, new_v
         if self._colliders:
-            new = collided(self._colliders, t, h, x, v, *new, row[7] > 0.0)
+            new = collided(self._colliders, t, h, x, v, *new, row[7] > 0.0 if self._pins else True)
         return [*new[0], *new[1]], passes
 
     def _root(self, row: Scalars, handed: Scalars, numbers: Scalars) -> Scalars:

@@ -39,8 +39,10 @@ class System(Resident):
     Attributes:
         x, v: the state, shape (n, 3). To look at them, or to change them, takes them out of machine code; so while many steps
             are taken one by one, look when you need to.
-        mass: shape (n,) [kg]; zero for what is pinned, which has no weight either.
-        inverse_mass: shape (n,) [1/kg]; zero for what is pinned.
+        mass: shape (n,) [kg]; zero for what is pinned, which has no weight either. It does not change: to let go of particles
+            or pin some, make a system of the state that there is.
+        inverse_mass: shape (n,) [1/kg]; zero for what is pinned; as little.
+        pins: whether any particle is pinned.
         forces, colliders, time: see above.
         chains: if they are nothing but chains of one length, which; else None.
         like: the system that this one is a copy of, or itself: what it was made for serves its copies.
@@ -78,6 +80,8 @@ class System(Resident):
             raise ValueError(f"v[{where}] is {v[where].tolist()}, but particle {where} is pinned; give it no velocity")
         self.inverse_mass = np.where(held, 0.0, 1.0 / masses)
         self.mass = np.where(held, 0.0, masses)
+        self.mass.flags.writeable = self.inverse_mass.flags.writeable = False
+        self.pins = bool(held.any())
         for force in forces:
             if not isinstance(force, Force):
                 raise ValueError(f"forces holds {force!r}; expected Gravity(), Springs(…), OwnForce(function) and the like")

@@ -118,7 +118,8 @@ def _mesh(system: Any, solver: str) -> Mesh:
         a = Vec3.of(done) * inverse
         x, v = EXPLICIT[solver](lambda *_: a, t, h, point.x, point.v)
         if system.colliders:
-            x, v = collided(system.colliders, t, h, point.x, point.v, x, v, inverse > 0.0, LAGS[solver])
+            free = inverse > 0.0 if system.pins else True
+            x, v = collided(system.colliders, t, h, point.x, point.v, x, v, free, LAGS[solver])
         return [*x, row[3], *v, inverse]
 
     count, begin, laws = gone_through(system.forces)

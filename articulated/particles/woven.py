@@ -150,7 +150,7 @@ def _implicit(system: Any, linear: bool) -> Implicit:
         new_v = v + Vec3.of(change)
         new = x + new_v * h, new_v
         if system.colliders:
-            new = collided(system.colliders, t, h, x, v, *new, row[7] > 0.0)
+            new = collided(system.colliders, t, h, x, v, *new, row[7] > 0.0 if system.pins else True)
         return [*new[0], row[3], *new[1], row[7]]
 
     count = sum(c.ndim for force in alone for c in force.constants) + (0 if linear else 3)
