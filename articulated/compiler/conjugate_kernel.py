@@ -17,8 +17,8 @@ from articulated.compiler.straight import Parts
 
 _GROUP = 8
 """Nodes, or elements, that are counted together."""
-_R, _D, _Z, _P, _B, _OWN = 0, 3, 6, 9, 12, 18
-"""Where planes of r, δ, z, p, B and own blocks begin."""
+_R, _D, _Z, _B, _OWN = 0, 3, 6, 9, 15
+"""Where planes of r, δ, z, B and own blocks begin."""
 _END = 1e-28
 """A direction is not followed any more if r · z is this part of what it was."""
 
@@ -153,7 +153,7 @@ class _Writer(RowWriter):
             given = [*self._row(self._nodes(self.rows, block)), *b, *self._row(self._nodes(self.diagonals, block))[:6]]
             done = self._work(self.passes.settle, [*given, *self._own(block)])
             B, z = done[:6], done[6:9]
-            for first, some in ((_R, b), (_D, ["zeroinitializer"] * 3), (_Z, z), (_P, z), (_B, B)):
+            for first, some in ((_R, b), (_D, ["zeroinitializer"] * 3), (_Z, z), (_B, B)):
                 self._put_planes(first, block, some)
             self._put_rows(self.p, block, z)
             self._put_rows(self.sums, block, ["zeroinitializer"] * 3)
@@ -171,23 +171,19 @@ class _Writer(RowWriter):
         alpha = self._ratio(square, along, t.let(f"fcmp ogt {t.V} {square}, {enough}"))
 
         def sweep(block: str, sums: Sequence[str]) -> list[str]:
-            given = [x for first, n in ((_R, 3), (_D, 3), (_P, 3)) for x in self._planes(first, n, block)]
-            done = self._work(
-                self.passes.sweep,
-                [alpha, *given, *self._three(self.sums, block), *self._planes(_B, 6, block), *self._own(block)],
-            )
+            given = [*self._planes(_R, 6, block), *self._three(self.p, block), *self._three(self.sums, block)]
+            done = self._work(self.passes.sweep, [alpha, *given, *self._planes(_B, 6, block), *self._own(block)])
             self._put_planes(_R, block, done[:9])
+            self._put_rows(self.sums, block, ["zeroinitializer"] * 3)
             return [self._plus(sums[0], done[9])]
 
         (new,) = self._over_nodes(1, sweep)
         beta = self._ratio(new, square, t.let(f"fcmp ogt {t.V} {square}, zeroinitializer"))
 
         def turned(block: str, sums: Sequence[str]) -> list[str]:
-            given = [*self._planes(_Z, 3, block), *self._planes(_P, 3, block), *self._own(block)]
+            given = [*self._planes(_Z, 3, block), *self._three(self.p, block), *self._own(block)]
             done = self._work(self.passes.turned, [beta, *given])
-            self._put_planes(_P, block, done[:3])
             self._put_rows(self.p, block, done[:3])
-            self._put_rows(self.sums, block, ["zeroinitializer"] * 3)
             return [self._plus(sums[0], done[3])]
 
         return [new, *self._over_nodes(1, turned)]

@@ -3,7 +3,7 @@
     A δ = b,   A = own blocks of nodes + those of elements,   preconditioned with B, inverses of the blocks on A's diagonal.
 
 A node is a row of eight numbers, as in `meshes`. What elements gather and scatter is in rows of four: the direction p, and
-sums. All else of conjugate gradients (Golub and Van Loan, Matrix Computations, 2013, 11.5.1) is in planes: r, δ, z, p, B and
+sums. All else of conjugate gradients (Golub and Van Loan, Matrix Computations, 2013, 11.5.1) is in planes: r, δ, z, B and
 own blocks. What an element's product with p needs, and is the same for all turns, is found once a step and kept beside it.
 
 Inner products are sums of eight parts, by a node's or an element's number, added up in one order: their bits are those of any
