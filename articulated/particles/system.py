@@ -18,6 +18,7 @@ from articulated.particles.points import vectors
 from articulated.particles.resident import Resident
 from articulated.particles.shown import segments, triangles
 from articulated.particles.steps import Solver, advance, method_of
+from articulated.particles.sums import acting
 from articulated.trajectory import Cloud
 
 
@@ -132,8 +133,8 @@ class System(Resident):
         return total
 
     def acceleration(self, t: float, x: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """f/m, zero for what is pinned, shape (n, 3) [m/s²]."""
-        return self.force(t, x, v) * self.inverse_mass[:, None]
+        """f/m, zero for what is pinned, shape (n, 3) [m/s²]; told by machine code if it can."""
+        return acting(self).force(t, x, v) * self.inverse_mass[:, None]
 
     def product(self, t: float, x: np.ndarray, v: np.ndarray, p: np.ndarray, h: float) -> np.ndarray:
         """(h D + h² K) p of all forces, made positive semidefinite, shape (n, 3); see `Force.product`."""
