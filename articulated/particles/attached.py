@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -19,10 +19,11 @@ from articulated.particles.shown import segments, triangles
 
 @dataclass(frozen=True, eq=False)
 class Attached:
-    """Particles of which some, the roots, are fixed to links of a rig.
+    """Particles that go with a rig; some of them, the roots, are fixed to its links.
 
     What pulls at a root pulls at its link, and roots weigh on it: rig and particles are solved for together, both ways. Strands
-    of one length whose first particles are the roots are quickest by far: see `hair_on`.
+    of one length whose first particles are the roots are quickest by far: see `hair_on`. Without roots they are loose, and fall
+    on the links that they avoid.
 
     Attributes:
         x: where particles are at rest, shape (n, 3) [m], in the axes of a link or, if `frame` is None, in the world, with the
@@ -30,7 +31,8 @@ class Attached:
         mass: a number or one for each, shape (n,) [kg].
         forces: what acts on them, but for gravity, which is the simulation's.
         roots: of each link that carries some, by name, the numbers of these.
-        frame: name of the link in whose axes x is; particles start where it takes them.
+        frame: name of the link in whose axes x is; particles start where it takes them. None: where the first link that carries
+            some does, or where they are if none carries any.
         colliders: what they run into, in the world, besides the simulation's ground.
         avoids: names of links whose collision shapes they cannot enter; the links do not feel it.
         restitution, friction: of these shapes.
@@ -39,7 +41,7 @@ class Attached:
     x: Any
     mass: Any
     forces: Sequence[Force]
-    roots: Mapping[str, Any]
+    roots: Mapping[str, Any] = field(default_factory=dict)
     frame: str | None = None
     colliders: Sequence[Collider] = ()
     avoids: Sequence[str] = ()
@@ -51,7 +53,7 @@ class Attached:
         mass = np.broadcast_to(per_element("Attached: mass", self.mass, len(x)), len(x))
         if not (mass > 0.0).all():
             raise ValueError(f"Attached: mass[{int(np.argmin(mass))}] is zero; expected more: what a link carries has weight")
-        if not isinstance(self.roots, Mapping) or not self.roots:
+        if not isinstance(self.roots, Mapping):
             raise ValueError(f"Attached: roots is {self.roots!r}; expected names of links, each with the particles it carries")
         roots = {}
         for link, some in self.roots.items():
@@ -60,7 +62,7 @@ class Attached:
                 raise ValueError(f"Attached: roots[{link!r}] is empty; give it a particle, or leave the link out")
             in_range(f"Attached: roots[{link!r}]", found, len(x))
             roots[link] = found[:, 0]
-        every = np.concatenate(list(roots.values()))
+        every = np.concatenate([np.zeros(0, dtype=np.int64), *roots.values()])
         if len(np.unique(every)) != len(every):
             first = next(int(k) for k in every if (every == k).sum() > 1)
             raise ValueError(f"Attached: particle {first} is a root twice; one link carries it")

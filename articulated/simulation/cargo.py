@@ -6,6 +6,7 @@ pull, and particles follow the velocities that it found. Then what ran into some
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -15,8 +16,13 @@ from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.points import vectors
 from articulated.particles.roots import Roots
+from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.system import System
 from articulated.simulation.freight import Freight, Lot, inside, to
+
+
+_LOOSE = ImplicitEuler(turns=1)
+"""The step of what no link carries: that of what one does."""
 
 
 class Cargo:
@@ -71,7 +77,8 @@ class _Load:
             own = particles[first : first + len(lot.x)]
             self._systems.append(lot.system.at(own[:, :3], own[:, 3:], time))
         self._roots = [
-            Roots(system, lot.roots, lot.owners, len(lot.bodies)) for system, lot in zip(self._systems, self._lots, strict=True)
+            Roots(system, lot.roots, lot.owners, len(lot.bodies)) if lot.bodies else None
+            for system, lot in zip(self._systems, self._lots, strict=True)
         ]
 
     @property
@@ -79,9 +86,11 @@ class _Load:
         return np.concatenate([np.concatenate([system.x, system.v], axis=1) for system in self._systems])
 
     def towed(self, poses: np.ndarray, twists: np.ndarray, h: float) -> np.ndarray:
-        point, self._h = poses[self._lots[0].links[0], :3, 3], h
+        point, self._h = poses[next((lot.links[0] for lot in self._lots if lot.bodies), 0), :3, 3], h
         numbers = [point]
         for lot, system, roots in zip(self._lots, self._systems, self._roots, strict=True):
+            if roots is None:
+                continue
             system.x[lot.roots] = lot.at(poses)
             U = np.concatenate([self._twist(lot, i, poses, twists, point) for i in range(len(lot.bodies))])
             felt = roots.felt(h, point, U)
@@ -100,19 +109,25 @@ class _Load:
         for lot, system, roots in zip(self._lots, self._systems, self._roots, strict=True):
             size = 6 * len(lot.bodies)
             before = system.x.copy(), system.v.copy()
-            roots.follow(found[first : first + size], lot.at(new))
-            first += size
-            self._collide(lot, system, before, old, new)
+            if roots is None:
+                system.step(self._h, _LOOSE)  # and past what stands still
+            else:
+                roots.follow(found[first : first + size], lot.at(new))
+                first += size
+                self._pass(lot, system, before)
+            self._avoid(lot, system, before, old, new)
 
-    def _collide(
+    def _pass(self, lot: Lot, system: System, before: tuple[np.ndarray, np.ndarray]) -> None:
+        """Keep particles out of what they ran into that stands still, in a step that is over."""
+        if system.colliders:
+            t, free = system.time - self._h, self._free(lot, system)
+            system.x, system.v = _past(system.colliders, t, self._h, *before, system.x, system.v, free)
+
+    def _avoid(
         self, lot: Lot, system: System, before: tuple[np.ndarray, np.ndarray], old: np.ndarray, new: np.ndarray
     ) -> None:
-        """Keep particles out of what they ran into, in a step that is over."""
-        free, t = system.inverse_mass > 0.0, system.time - self._h
-        free[lot.roots] = False
-        (x0, v0), h = before, self._h
-        if system.colliders:
-            system.x, system.v = _past(system.colliders, t, h, x0, v0, system.x, system.v, free)
+        """Keep particles out of links that they ran into."""
+        free, (x0, v0) = self._free(lot, system), before
         for link, pose, obstacle in lot.obstacles:
             X0, X1 = old[link] @ pose, new[link] @ pose
             y0, y1 = inside(X0, x0), inside(X1, system.x)
@@ -120,6 +135,13 @@ class _Load:
             some = np.flatnonzero(free & (np.linalg.norm(y1, axis=1) < reach))
             if len(some):
                 self._keep_out(system, obstacle, (X0, X1), some, v0, (y0[some], y1[some]))
+
+    @staticmethod
+    def _free(lot: Lot, system: System) -> np.ndarray:
+        """Which are carried by none."""
+        free = system.inverse_mass > 0.0
+        free[lot.roots] = False
+        return free
 
     def _keep_out(
         self,
@@ -158,4 +180,5 @@ def _past(
 
 
 def _flat(array: np.ndarray, core: int, batch: tuple[int, ...]) -> np.ndarray:
-    return np.broadcast_to(array, (*batch, *array.shape[array.ndim - core :])).reshape(-1, *array.shape[array.ndim - core :])
+    own = array.shape[array.ndim - core :]
+    return np.broadcast_to(array, (*batch, *own)).reshape(math.prod(batch), *own)

@@ -37,7 +37,7 @@ class Lot:
         bodies: that carry roots and move.
         roots: those that they carry, with the link of each, its owner among the bodies, and its place in the link.
         held: roots that links carry which do not move.
-        carrier: link in whose axes all particles start, and their places there.
+        carrier: link in whose axes all particles start, and their places there; None is the world.
         obstacles: shapes of links that they cannot enter: the link, the shape's pose in it, and what it is.
         system: they, at rest.
     """
@@ -49,7 +49,7 @@ class Lot:
     owners: np.ndarray
     places: np.ndarray
     held: np.ndarray
-    carrier: int
+    carrier: int | None
     x: np.ndarray
     obstacles: tuple[tuple[int, np.ndarray, Collider], ...]
     system: System
@@ -59,29 +59,30 @@ class Lot:
         """On a rig, under an acceleration of free fall, above a ground.
 
         Raises:
-            ValueError: it has no such link, or nothing that carries a root moves.
+            ValueError: it has no such link, or there are roots but nothing that carries one moves.
         """
         m, neutral = mechanism(rig), link_poses(rig, rig.neutral())
         links = {find_link(rig, name).index: some for name, some in attached.roots.items()}
         frame = attached.frame
         x = attached.x if frame is None else to(neutral[find_link(rig, frame).index], attached.x)
-        carrier = next(iter(links)) if frame is None else find_link(rig, frame).index
+        carrier = next(iter(links), None) if frame is None else find_link(rig, frame).index
         body = {k: m.links[k][0] for k in links}
         bodies = tuple(dict.fromkeys(i for i in body.values() if i != WORLD))
-        if not bodies:
+        if links and not bodies:
             raise ValueError(
                 f"no link of rig {rig.name!r} that carries particles moves: {', '.join(attached.roots)};"
                 " give the particles a System of their own, with these pinned"
             )
         moving = [(k, n) for k, some in links.items() if body[k] != WORLD for n in some]
-        of, roots = np.array([k for k, _ in moving]), np.array([n for _, n in moving])
+        of, roots = np.array([(k, n) for k, n in moving], dtype=np.int64).reshape(-1, 2).T
         held = np.array([n for k, some in links.items() if body[k] == WORLD for n in some], dtype=np.int64)
-        places = np.array([inside(neutral[k], x[n]) for k, n in moving])
-        owners = np.array([bodies.index(body[k]) for k in of])
+        places = np.array([inside(neutral[k], x[n]) for k, n in moving]).reshape(-1, 3)
+        owners = np.array([bodies.index(body[k]) for k in of], dtype=np.int64)
         obstacles = tuple(_obstacles(rig, attached))
         colliders = [*attached.colliders, *ground]
         system = System(x, None, attached.mass, [Gravity(gravity), *attached.forces], colliders, held)
-        return Lot(attached, bodies, roots, of, owners, places, held, carrier, inside(neutral[carrier], x), obstacles, system)
+        x = x if carrier is None else inside(neutral[carrier], x)
+        return Lot(attached, bodies, roots, of, owners, places, held, carrier, x, obstacles, system)
 
     def at(self, poses: np.ndarray) -> np.ndarray:
         """Where links have the roots, shape (..., roots, 3), from poses of all links."""
@@ -127,8 +128,11 @@ class Freight:
         poses, twists = link_poses(self.rig, q), link_velocities(self.rig, q, v)
         result = np.empty((*q.shape[:-1], int(self.ends[-1]), 6))
         for lot, first in zip(self.lots, self.ends, strict=False):
-            pose, twist = poses[..., lot.carrier, :, :], twists[..., lot.carrier, None, :]
             here = slice(first, first + len(lot.x))
+            if lot.carrier is None:
+                result[..., here, :3], result[..., here, 3:] = lot.x, 0.0
+                continue
+            pose, twist = poses[..., lot.carrier, :, :], twists[..., lot.carrier, None, :]
             x = np.einsum("...ij,nj->...ni", pose[..., :3, :3], lot.x) + pose[..., None, :3, 3]
             result[..., here, :3] = x
             result[..., here, 3:] = twist[..., :3] + np.cross(twist[..., 3:], x - pose[..., None, :3, 3])

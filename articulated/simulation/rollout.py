@@ -220,7 +220,7 @@ class Rollout:
         if self.cargo is None:
             self._advance(k, self.plan.substeps)
             return
-        nq, nv, towing = self.rig.nq, self.rig.nv, self.shown["towing"]
+        nq, nv, towing = self.rig.nq, self.rig.nv, self.shown.get("towing", slice(0))  # nothing if all are loose
         for _ in range(self.plan.substeps):
             q, v = self.motion[..., :nq], self.motion[..., nq : nq + nv]
             self.signals.towed.value = self.cargo.towed(q, v, self.plan.times.h).astype(self.dtype, copy=False)

@@ -259,6 +259,35 @@ def test_hair_stays_out_of_what_it_avoids(shape):
     assert -1e-7 < nearest < 0.001
 
 
+def test_loose_particles_fall_on_links_that_move(rng):
+    """Cloth on a ball that is pushed along a rail, and snow; the ball does not feel it."""
+    builder = art.RigBuilder("pusher")
+    builder.link("base")
+    builder.link("ball", 2.0, inertia=np.eye(3) * 0.02, collisions=[art.Sphere(0.2)])
+    builder.joint("rail", "prismatic", "base", "ball", axis=(1, 0, 0))
+    rig = builder.build()
+    cloth = ap.grid_cloth((-0.35, -0.35, 0.3), (0.7, 0, 0), (0, 0.7, 0), 12, 12, 0.3, 300.0, damping=1.0)
+    snow = rng.uniform((-0.3, -0.3, 0.4), (1.0, 0.3, 0.9), (60, 3))
+    things = [
+        ap.Attached(cloth.x, cloth.mass, cloth.forces, avoids="ball", friction=0.8),
+        ap.Attached(snow, 1e-3, [ap.Drag(1e-3)], avoids=["ball"]),
+    ]
+    simulation = art.Simulation(rig, dt=0.005, particles=things, ground=art.Ground(art.Plane((0, 0, 1), (0, 0, -0.5))))
+    run = simulation.run(v0=[0.5], duration=1.2, fps=50)
+    np.testing.assert_allclose(run.q[:, 0], 0.5 * run.time, atol=1e-9)
+    start = run.particles.x[0]
+    np.testing.assert_array_equal(start, np.concatenate([cloth.x, snow]))
+    middle = np.stack([run.q[:, 0], 0 * run.time, 0 * run.time], axis=1)
+    distance = np.linalg.norm(run.particles.x - middle[:, None], axis=2)
+    assert distance.min() > 0.2 - 1e-9
+    lying = distance[-1, : len(cloth.x)] < 0.21
+    assert lying.mean() > 0.2
+    assert run.particles.x[-1, : len(cloth.x)][lying, 0].mean() > 0.3  # it was taken along
+    assert run.particles.x[..., 2].min() > -0.5 - 1e-9
+    hit = (distance[:, len(cloth.x) :] < 0.201).any(axis=0)
+    assert 0.02 < hit.mean() < 0.9
+
+
 GROUNDS = {
     "plane": art.Ground(art.Plane((0.2, 0.0, 1.0)), friction=0.4),
     "hills": art.Ground(
@@ -296,7 +325,7 @@ class TestErrors:
             with pytest.raises(ValueError, match=match):
                 ap.Attached(**given)
 
-        wrong("roots is {}", roots={})
+        wrong(r"roots is \[0\]", roots=[0])
         wrong(r"roots\['head'\] is empty", roots={"head": []})
         wrong("there are 3 particles", roots={"head": [3]})
         wrong("particle 1 is a root twice", roots={"head": [0, 1], "torso": [1]})
