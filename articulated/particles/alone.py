@@ -38,8 +38,9 @@ class Planes(Laid):
         self._go = kernel.bound([*self._memory, self.numbers], 1)
 
     def put(self, system: Any) -> None:
-        for plane, numbers in zip(self._memory, (*system.x.T, *system.v.T, system.mass, system.inverse_mass), strict=False):
+        for plane, numbers in zip(self._memory, (*system.x.T, *system.v.T), strict=False):
             plane[: self._count] = numbers
+            plane[self._count :] = numbers[-1] if self._count else 0.0  # which does what the last one does
 
     def state(self) -> tuple[np.ndarray, np.ndarray]:
         return self._memory[:3, : self._count].T.copy(), self._memory[3:6, : self._count].T.copy()

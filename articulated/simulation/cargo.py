@@ -123,9 +123,7 @@ class _Load:
             t, free = system.time - self._h, self._free(lot, system)
             system.x, system.v = _past(system.colliders, t, self._h, *before, system.x, system.v, free)
 
-    def _avoid(
-        self, lot: Lot, system: System, before: tuple[np.ndarray, np.ndarray], old: np.ndarray, new: np.ndarray
-    ) -> None:
+    def _avoid(self, lot: Lot, system: System, before: tuple[np.ndarray, np.ndarray], old: np.ndarray, new: np.ndarray) -> None:
         """Keep particles out of links that they ran into."""
         free, (x0, v0) = self._free(lot, system), before
         for link, pose, obstacle in lot.obstacles:

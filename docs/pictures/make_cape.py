@@ -49,7 +49,9 @@ def main(target: str) -> None:
 
 def cape() -> ap.Attached:
     """Of wool, on both shoulders, in a wind from the side."""
-    cloth = ap.grid_cloth((-0.12, -0.22, 0.44), (-0.12, 0.0, -0.95), (0.0, 0.44, 0.0), 22, 12, 0.9, 300.0, bending=1e-4, damping=2e-3)
+    cloth = ap.grid_cloth(
+        (-0.12, -0.22, 0.44), (-0.12, 0.0, -0.95), (0.0, 0.44, 0.0), 22, 12, 0.9, 300.0, bending=1e-4, damping=2e-3
+    )
     forces = [*cloth.forces, ap.TriangleWind(cloth.triangles, 0.5, (0.0, 1.5, 0.0))]
     shoulders = [*range(4), *range(8, 12)]
     return ap.Attached(cloth.x, cloth.mass, forces, {"torso": shoulders}, "torso", (), BEHIND, friction=0.3)

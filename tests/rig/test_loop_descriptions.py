@@ -165,10 +165,16 @@ class TestCompose:
 
     def test_in_motion(self):
         """Each of several free rigs moves as it does alone: with contact, and in flight, in any place."""
-        one = art.load("ragdoll", root="free")
+        builder = art.RigBuilder("walker")
+        builder.link("trunk", 4.0, inertia=np.eye(3) * 0.05, collisions=[art.Box((0.3, 0.2, 0.2))])
+        for name, y, kind in (("left", 0.12, "ball"), ("right", -0.12, "revolute")):
+            shape = art.Shape(art.Capsule(0.04, 0.2), np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, -0.15], [0, 0, 0, 1.0]]))
+            builder.link(name, 1.0, (0, 0, -0.15), np.eye(3) * 0.01, [shape])
+            builder.joint(f"{name}_hip", kind, "trunk", name, xyz=(0, y, -0.1))
+        one = builder.build("free")
         rig = art.compose(a=one, b=one)
         q1, q2 = one.neutral(), one.neutral()
-        q1[:3], q2[:3] = (0, 0, 1.3), (5.0, -3.0, 1.2)
+        q1[:3], q2[:3] = (0, 0, 0.42), (5.0, -3.0, 0.4)
         v = np.random.default_rng(0).normal(size=(2, one.nv)) * 0.3
         for settings in ({"ground": True}, {"limits": False, "integrator": "semi_implicit"}):
             both = art.Simulation(rig, dt=1e-3, **settings).run(np.r_[q1, q2], v.ravel(), duration=0.15, fps=20).q[-1]
