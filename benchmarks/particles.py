@@ -89,7 +89,7 @@ a particle with its six springs, at least twelve are read and twelve written; th
                 springs * explicit.STEPS,
                 tolerance=1e-2 if single else 1e-9,
                 seen=2,
-                calls=5 if side == 100 else 1,
+                calls=3,
             )
             size = np.dtype(dtype).itemsize
             own = f"{race.rate('System.step') * (3 * size + 2 * 4 + 24 * size / 6) / limits.bandwidth():.0%}"

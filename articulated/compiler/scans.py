@@ -25,7 +25,7 @@ from articulated.compiler.streams import on_a_line
 from articulated.scalar import Scalar
 
 _SIDE_BY_SIDE = 64
-"""Bytes of a number of chains side by side: of registers that are half as long two, of which one goes on while the other waits."""
+"""Bytes of a number of chains side by side: two registers that are half as long, of which one goes on while the other waits."""
 
 Scalars = Sequence[Scalar]
 Pair = tuple[Scalars, Scalars]

@@ -20,7 +20,6 @@ from articulated.particles.solvers.implicit import ImplicitEuler
 from articulated.particles.system import System
 from articulated.simulation.freight import Freight, Lot, inside, to
 
-
 _LOOSE = ImplicitEuler(turns=1)
 """The step of what no link carries: that of what one does."""
 
