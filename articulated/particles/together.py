@@ -170,7 +170,7 @@ def elements_of(system: Any, lanes: int, dtype: Any, group: int = 0) -> list[tup
             continue
         count, size = force.particles.shape
         numbers = np.empty((-(-count // group) * group, size), np.int32)
-        order = _apart(count)
+        order = np.argsort(force.particles.min(axis=1), kind="stable")[_apart(count)]  # what is near is near in memory too
         numbers[:count], numbers[count:] = force.particles[order], n + np.arange(size)
         numbers *= SUM * np.dtype(dtype).itemsize
         blocks = np.ascontiguousarray(numbers.reshape(-1, lanes, size).transpose(0, 2, 1))
