@@ -23,8 +23,9 @@ from articulated.compiler.lowering import NOT_FINITE_OUT, module_of
 from articulated.compiler.straight import Straight
 from articulated.scalar import Scalar
 
-_SIDE_BY_SIDE = 2
-"""Registers of elements whose work is interleaved: while one waits for a quotient the other goes on."""
+_SIDE_BY_SIDE, _BESIDE = 2, 2
+"""Registers of elements whose work is interleaved: while one waits for a quotient the other goes on. Of several turns so many
+of these groups are done in each, with branches of their own: a processor looks far enough ahead to begin with the second."""
 _BLOCK, _LINE = 64, 512
 """Elements, and bytes, to which planes are rounded up: registers of any format fit."""
 
@@ -50,7 +51,7 @@ class Stream:
     turn: Turn
 
 
-def stream_kernel(stream: Stream, single: bool, lanes: int | None = None) -> Kernel:
+def stream_kernel(stream: Stream, single: bool) -> Kernel:
     """A stream as machine code: from the disk, or made now.
 
     It is called with its carried planes, its fixed planes, and an array of the numbers; the number of turns is a parameter. It
@@ -59,7 +60,8 @@ def stream_kernel(stream: Stream, single: bool, lanes: int | None = None) -> Ker
     from articulated.compiler.machine import machine
 
     on = machine()
-    f = Format(_SIDE_BY_SIDE * on.register // (4 if single else 8) if lanes is None else lanes, single)
+    f = Format(_SIDE_BY_SIDE * on.register // (4 if single else 8), single)
+    whole = Format(_BESIDE * f.lanes, single)
     fixed = stream.carried + stream.fixed
 
     def turn(x: Sequence[Scalar]) -> Sequence[Scalar]:
@@ -73,29 +75,46 @@ def stream_kernel(stream: Stream, single: bool, lanes: int | None = None) -> Ker
         code = on.object_code(_module(stream, work, f))
         return {"operations": len(work.order()), "scratch": 1, "tile": 1, "objects": [len(code)]}, code
 
-    return Kernel(stream.name, f, on, *kept(stream.name, f, on, counts + work.content, build))
+    return Kernel(stream.name, whole, on, *kept(stream.name, whole, on, counts + work.content, build))
+
+
+_ARGUMENTS = "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile"
 
 
 def _module(stream: Stream, work: Straight, f: Format) -> str:
-    text, planes = Text(f), stream.carried + stream.fixed
+    text = Text(f)
+    alone = text.let(f"icmp eq i64 {text.word('%table', 4 * (stream.carried + stream.fixed + 1))}, 1")
+    go = text.let(f"select i1 {alone}, ptr @once, ptr @often")
+    kernel = text.function("i64", "kernel", _ARGUMENTS, text.let(f"call i64 {go}({_ARGUMENTS})"), linkage="")
+    return module_of([kernel, _function("once", stream, work, f, 1), _function("often", stream, work, f, _BESIDE)], f)
+
+
+def _function(name: str, stream: Stream, work: Straight, f: Format, beside: int) -> str:
+    """All turns of all elements, so many registers and groups of them in a turn."""
+    text, planes, c = Text(f), stream.carried + stream.fixed, stream.carried
     where = [text.word("%table", 4 * k, "ptr") for k in range(planes + 1)]
     numbers = [text.spread(text.load(text.at(where[planes], k * f.bytes), f.number, f.bytes)) for k in range(stream.numbers)]
     turns = text.word("%table", 4 * (planes + 1))
-    blocks = text.integer("sdiv", text.integer("sub", "%end", "%begin"), f.lanes)
+    groups = text.integer("sdiv", text.integer("sub", "%end", "%begin"), beside * f.lanes)
     first = text.integer("mul", "%begin", f.bytes)
-    with text.loop(blocks, text.V, ["zeroinitializer"]) as block:
-        here = text.integer("add", first, text.integer("mul", block.k, f.vector_bytes))
-        at = [text.at(plane, here) for plane in where[:planes]]
-        loaded = [text.load(place, text.V, f.vector_bytes) for place in at]
-        with text.loop(turns, text.V, [*loaded[: stream.carried], *numbers]) as turn:
-            begun = [*turn.values[: stream.carried], *loaded[stream.carried :], *turn.values[stream.carried :]]
-            turn.following = work.written(text, dict(zip(work.inputs, begun, strict=True)))
-        for place, x in zip(at[: stream.carried], turn.values, strict=False):
+    with text.loop(groups, text.V, ["zeroinitializer"]) as group:
+        here = text.integer("add", first, text.integer("mul", group.k, beside * f.vector_bytes))
+        at = [
+            [text.at(plane, text.integer("add", here, b * f.vector_bytes)) for plane in where[:planes]] for b in range(beside)
+        ]
+        loaded = [[text.load(place, text.V, f.vector_bytes) for place in places] for places in at]
+        with text.loop(turns, text.V, [*(x for some in loaded for x in some[:c]), *numbers]) as turn:
+            for b, some in enumerate(loaded):
+                begun = [*turn.values[b * c : b * c + c], *some[c:], *turn.values[beside * c :]]
+                done = work.written(text, dict(zip(work.inputs, begun, strict=True)))
+                turn.following += done[:c]
+            turn.following += done[c:]  # the same for all
+        carried = turn.values[: beside * c]
+        for place, x in zip((place for places in at for place in places[:c]), carried, strict=True):
             text.do(f"store {text.V} {x}, ptr {place}, align {f.vector_bytes}")
-        block.following = [text.marked(block.values[0], turn.values[: stream.carried])]
-    flags = text.flag(block.values[0], NOT_FINITE_OUT)
-    arguments = "ptr %table, ptr %scratch, i64 %begin, i64 %end, i64 %tile"
-    return module_of([text.function("i64", "kernel", arguments, flags, linkage="")], f)
+        group.following = [text.marked(group.values[0], carried)]
+    flags = text.flag(group.values[0], NOT_FINITE_OUT)
+    return text.function("i64", name, _ARGUMENTS, flags)
 
 
 def planes(rows: Sequence[np.ndarray], dtype: Any = float) -> np.ndarray:
