@@ -142,6 +142,9 @@ class Bound:
     """A kernel with its arrays, which have no states or rows that it should know of."""
 
     def __init__(self, kernel: Kernel, arrays: Sequence[np.ndarray], parameters: int):
+        assert all(array.dtype in (kernel.format.dtype, np.int32) for array in arrays), (
+            f"{kernel.name}: numbers of another format"
+        )
         self._kernel, self._arrays, self._first = kernel, tuple(arrays), 4 * len(arrays)
         self._table = (ctypes.c_int64 * (self._first + parameters))()
         for k, array in enumerate(arrays):

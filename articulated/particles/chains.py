@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -70,6 +71,21 @@ class Chains:
         rows = [[Mat3.of(block) for block in three] for three in lanes]
         found = solved(rows, [Vec3(*x) for x in right])
         return np.stack([np.stack(list(x), axis=-1) for x in found], axis=1).reshape(-1, 3)
+
+
+def band(system: Any, t: float, x: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
+    """Of what `System.product` multiplies with, each particle's blocks with itself and the two before it, (n, 3, 3, 3)."""
+    result = np.zeros((len(x), 1 + REACH, 3, 3))
+    for force in system.forces:
+        if not isinstance(force, Law):
+            continue
+        matrices = force.matrices(t, x, v, system.mass, h)
+        numbers = np.arange(len(x))[:, None] if force.particles is None else force.particles
+        for a, b in np.ndindex(matrices.shape[1:3]):
+            before = numbers[:, a] - numbers[:, b]
+            there = before >= 0
+            np.add.at(result, (numbers[there, a], before[there]), matrices[there, a, b])
+    return result
 
 
 def solved(rows: Sequence[Sequence[Mat3]], right: Sequence[Vec3]) -> list[Vec3]:

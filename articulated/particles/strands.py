@@ -19,76 +19,14 @@ from articulated.compiler.interpreter import interpreting
 from articulated.compiler.scans import Chained, Scan, ScanKernel
 from articulated.particles.chains import Chains, Factor
 from articulated.particles.collisions import collided
-from articulated.particles.forces.force import Force, Law
+from articulated.particles.forces.force import Law
+from articulated.particles.layers import layers
 from articulated.particles.points import Point
 from articulated.particles.resident import Laid
 from articulated.scalar import Scalar, either, where
 from articulated.spatial import Mat3, Sym3, Vec3
 
 Scalars = Sequence[Scalar]
-
-
-@dataclass(frozen=True, eq=False)
-class Layer:
-    """A law's elements of one form, of which at most one ends at each particle of a chain.
-
-    Attributes:
-        law: which.
-        behind: how far behind the last of them each of its particles is, as the law orders them.
-        there: whether there is one, by chain and place, shape (count, length).
-        constants: of these elements, each of shape () or (count, length).
-    """
-
-    law: Law
-    behind: tuple[int, ...]
-    there: np.ndarray
-    constants: tuple[np.ndarray, ...]
-
-    @property
-    def reach(self) -> int:
-        """How far it reaches back."""
-        return max(self.behind)
-
-    @property
-    def everywhere(self) -> bool:
-        """Whether there is one wherever it fits."""
-        return bool(self.there[:, self.reach :].all())
-
-    def fixed(self) -> list[np.ndarray]:
-        """What a particle has to know of it."""
-        given = [c for c in self.constants if c.ndim]
-        return given if self.everywhere else [self.there.astype(float), *given]
-
-
-def layers(chains: Chains, forces: Sequence[Force]) -> list[Layer]:
-    """All that acts between particles of chains."""
-    found = []
-    for law in forces:
-        if not isinstance(law, Law) or law.particles is None or not len(law.particles):
-            continue
-        last = law.particles.max(axis=1)
-        behind = last[:, None] - law.particles
-        for form in sorted({tuple(row) for row in behind.tolist()}):
-            some = np.flatnonzero((behind == form).all(axis=1))
-            while len(some):  # what ends at a particle more than once is in as many layers
-                _, first = np.unique(last[some], return_index=True)
-                found.append(_layer(chains, law, form, some[first], last[some[first]]))
-                some = np.delete(some, first)
-    return found
-
-
-def _layer(chains: Chains, law: Law, behind: tuple[int, ...], some: np.ndarray, last: np.ndarray) -> Layer:
-    shape = chains.count, chains.length
-    there = np.zeros(shape, dtype=bool)
-    there.flat[last] = True
-    constants = []
-    for c in law.constants:
-        if c.ndim:
-            values = np.full(shape, c[some[0]])
-            values.flat[last] = c[some]
-            c = values
-        constants.append(c)
-    return Layer(law, behind, there, tuple(constants))
 
 
 @dataclass(eq=False)

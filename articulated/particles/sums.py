@@ -33,10 +33,9 @@ def acting(system: Any) -> Any:
 
 
 class Sums:
-    """What acts on a system, told by machine code; but for rounding what the system tells itself."""
+    """What acts on a system, told by machine code in float64; but for rounding what the system tells itself."""
 
     def __init__(self, system: Any):
-        """Of a system in float64."""
         self._system = system
 
     def force(self, t: float, x: np.ndarray, v: np.ndarray) -> np.ndarray:
@@ -60,7 +59,7 @@ class Sums:
         known, key = kernels_of(system.like), (name, system.forces)
         if (found := known.get(key)) is None:
             bound = Bound.of(system, _mesh(name, system.forces, told), single=False)
-            rows, numbers = Rows.of(system, bound.kernel.format.lanes), np.zeros(1)
+            rows, numbers = Rows.of(system, bound.kernel.format), np.zeros(1)
             found = known[key] = rows, numbers, bound.go(rows, numbers)
         rows, numbers, go = found
         rows.put(system, x, v)

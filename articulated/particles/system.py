@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from articulated.particles.chains import REACH, Chains
+from articulated.particles.chains import Chains
 from articulated.particles.check import format_of, mask, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
-from articulated.particles.forces.force import Force, Law
+from articulated.particles.forces.force import Force
 from articulated.particles.points import vectors
 from articulated.particles.resident import Resident
 from articulated.particles.shown import segments, triangles
@@ -44,7 +44,8 @@ class System(Resident):
             or pin some, make a system of the state that there is.
         inverse_mass: shape (n,) [1/kg]; zero for what is pinned; as little.
         pins: whether any particle is pinned.
-        forces, colliders, time: see above.
+        forces, colliders: see above; others may take their place: what these leave open is filled in from where particles are.
+        time: see above.
         chains: if they are nothing but chains of one length, which; else None.
         like: the system that this one is a copy of, or itself: what it was made for serves its copies.
 
@@ -83,16 +84,7 @@ class System(Resident):
         self.mass = np.where(held, 0.0, masses)
         self.mass.flags.writeable = self.inverse_mass.flags.writeable = False
         self.pins = bool(held.any())
-        for force in forces:
-            if not isinstance(force, Force):
-                raise ValueError(f"forces holds {force!r}; expected Gravity(), Springs(…), OwnForce(function) and the like")
-        for collider in colliders:
-            if not isinstance(collider, Collider):
-                raise ValueError(f"colliders holds {collider!r}; expected Plane(…), Sphere(…) and the like")
-        self.forces = tuple(force.bound(x, self.mass) for force in forces)
-        self.colliders = tuple(colliders)
-        self.chains = Chains.of(n, self.forces)
-        self.like = self
+        self.forces, self.colliders, self.like = forces, colliders, self
 
     def __repr__(self) -> str:
         return (
@@ -109,6 +101,29 @@ class System(Resident):
         """What of a state is not given is as it is now; in float64."""
         x, v = (np.asarray(now if some is None else some, float) for some, now in ((x, self.x), (v, self.v)))
         return self.time if t is None else t, x, v
+
+    @property
+    def forces(self) -> tuple[Force, ...]:
+        return self._forces
+
+    @forces.setter
+    def forces(self, forces: Sequence[Force]) -> None:
+        for force in forces:
+            if not isinstance(force, Force):
+                raise ValueError(f"forces holds {force!r}; expected Gravity(), Springs(…), OwnForce(function) and the like")
+        self._forces = tuple(force.bound(self.x, self.mass) for force in forces)
+        self.chains = Chains.of(len(self.mass), self._forces)
+
+    @property
+    def colliders(self) -> tuple[Collider, ...]:
+        return self._colliders
+
+    @colliders.setter
+    def colliders(self, colliders: Sequence[Collider]) -> None:
+        for collider in colliders:
+            if not isinstance(collider, Collider):
+                raise ValueError(f"colliders holds {collider!r}; expected Plane(…), Sphere(…) and the like")
+        self._colliders = tuple(colliders)
 
     @property
     def dimension(self) -> int:
@@ -149,20 +164,6 @@ class System(Resident):
         for force in self.forces:
             total += force.diagonal(t, x, v, self.mass, h, convex=True)
         return total
-
-    def band(self, t: float, x: np.ndarray, v: np.ndarray, h: float) -> np.ndarray:
-        """Of chains, each particle's blocks with itself and those before it of what `product` multiplies with, (n, 3, 3, 3)."""
-        result = np.zeros((len(self.x), 1 + REACH, 3, 3))
-        for force in self.forces:
-            if not isinstance(force, Law):
-                continue
-            matrices = force.matrices(t, x, v, self.mass, h)
-            numbers = np.arange(len(x))[:, None] if force.particles is None else force.particles
-            for a, b in np.ndindex(matrices.shape[1:3]):
-                before = numbers[:, a] - numbers[:, b]
-                there = before >= 0
-                np.add.at(result, (numbers[there, a], before[there]), matrices[there, a, b])
-        return result
 
     def derivative(self, t: float | None = None) -> np.ndarray:
         """Of the state: velocities, then f/m, shape (6 n,)."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from articulated.compiler import kernels_of
 from articulated.compiler.interpreter import interpreting
+from articulated.compiler.ir import Format
 from articulated.compiler.meshes import Elements, Mesh, MeshKernel
 from articulated.compiler.rows import ROW, SUM
 from articulated.compiler.streams import on_a_line
@@ -48,10 +49,10 @@ class Rows:
     count: int
 
     @staticmethod
-    def of(system: Any, lanes: int) -> Rows:
-        """Room for a system, a whole number of registers."""
-        size = _size(len(system.mass), lanes)
-        return Rows(on_a_line((size, ROW), system.dtype), on_a_line((size, SUM), system.dtype), len(system.mass))
+    def of(system: Any, f: Format, group: int = 0) -> Rows:
+        """Room for a system, a whole number of registers or of groups."""
+        size = _size(len(system.mass), max(f.lanes, group))
+        return Rows(on_a_line((size, ROW), f.dtype), on_a_line((size, SUM), f.dtype), len(system.mass))
 
     def put(self, system: Any, x: np.ndarray, v: np.ndarray) -> None:
         """Have it in a state."""
@@ -69,7 +70,7 @@ class Meshed(Laid):
     """A state as rows, with what goes through all of it."""
 
     def __init__(self, system: Any, bound: Bound):
-        self.rows, self.numbers = Rows.of(system, bound.kernel.format.lanes), np.zeros(2, system.dtype)
+        self.rows, self.numbers = Rows.of(system, bound.kernel.format), np.zeros(2, system.dtype)
         self._go = bound.go(self.rows, self.numbers)
 
     def put(self, system: Any) -> None:

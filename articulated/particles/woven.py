@@ -58,7 +58,7 @@ class Woven(Laid):
     """A state as rows, with room for what conjugate gradients carry."""
 
     def __init__(self, system: Any, bound: Bound, iterations: int):
-        self.rows, self.numbers = Rows.of(system, 8), np.zeros(2, system.dtype)
+        self.rows, self.numbers = Rows.of(system, bound.kernel.format, 8), np.zeros(2, system.dtype)
         n = len(self.rows.rows)
         shapes = (bound.kernel.planes, n), (n, SUM), (n, SUM), (n, 2 * SUM)
         room = tuple(on_a_line(shape, system.dtype) for shape in shapes)

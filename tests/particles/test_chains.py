@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from articulated import particles as ap
-from articulated.particles.chains import Chains, Factor
+from articulated.particles.chains import Chains, Factor, band
 from articulated.spatial import Sym3, Vec3
 
 
@@ -49,9 +49,9 @@ def test_solution_is_that_of_a_dense_solver(count, length, stiffness, rng):
     A = dense(system, h)
     free = np.repeat(system.inverse_mass > 0.0, 3)
     r = rng.normal(size=system.x.shape)
-    band = system.band(0.0, system.x, system.v, h)
-    band[:, 0] += system.mass[:, None, None] * np.eye(3)
-    found = system.chains.solve(band, r, system.inverse_mass == 0.0).ravel()
+    blocks = band(system, 0.0, system.x, system.v, h)
+    blocks[:, 0] += system.mass[:, None, None] * np.eye(3)
+    found = system.chains.solve(blocks, r, system.inverse_mass == 0.0).ravel()
     expected = np.zeros_like(found)
     expected[free] = np.linalg.solve(A[np.ix_(free, free)], r.ravel()[free])
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
@@ -61,9 +61,9 @@ def test_what_is_held_anywhere_is_left_out(rng):
     system, h = strands(3, 8), 5e-3
     held = rng.random(24) < 0.4
     A, free, r = dense(system, h) + 1e-3 * np.eye(72), np.repeat(~held, 3), rng.normal(size=(24, 3))
-    band = system.band(0.0, system.x, system.v, h)
-    band[:, 0] += (system.mass[:, None, None] + 1e-3) * np.eye(3)
-    found = system.chains.solve(band, r, held).ravel()
+    blocks = band(system, 0.0, system.x, system.v, h)
+    blocks[:, 0] += (system.mass[:, None, None] + 1e-3) * np.eye(3)
+    found = system.chains.solve(blocks, r, held).ravel()
     np.testing.assert_allclose(found[free], np.linalg.solve(A[np.ix_(free, free)], r.ravel()[free]), rtol=1e-8)
     assert not found[~free].any()
 

@@ -75,6 +75,16 @@ def test_same_bits_on_any_registers(way, monkeypatch):
     assert len(found) == 1
 
 
+def test_what_acts_is_told_in_float64():
+    """Whoever asks first."""
+    flat, wide = cloth(FLAT), cloth(float)
+    y = np.random.default_rng(0).normal(size=flat.dimension)
+    np.testing.assert_allclose(flat.rhs(0.1, y), wide.rhs(0.1, y), rtol=1e-6, atol=1e-6)
+    flat.step(H, "implicit_euler")
+    wide.step(H, "implicit_euler")
+    np.testing.assert_allclose(flat.x, wide.x, rtol=0, atol=1e-6)
+
+
 def test_which_arrays_decide():
     x = np.zeros((3, 3), FLAT)
     assert ap.System(x).dtype == FLAT

@@ -53,6 +53,25 @@ def test_what_is_changed_counts():
         one.mass[3] = 1.0
 
 
+def test_other_forces_take_the_place_of_those_before():
+    """Springs that are as long as they are by then; and a net is no chain any more."""
+    x = np.array([(0, 0, 0), (1.0, 0, 0), (2.0, 0, 0)])
+    one = ap.System(x, None, 1.0, [ap.Springs([(0, 1), (1, 2)], 50.0)])
+    one.step(H, ap.ImplicitEuler(turns=1))
+    one.x = 2.0 * x
+    one.forces = [ap.Springs([(0, 1), (1, 2), (2, 0)], 50.0), ap.Acceleration(lambda t, x: x * 0.0)]
+    for solver in ("semi_implicit", "implicit_euler", ap.ImplicitEuler(turns=1)):
+        one.step(H, solver, 5)
+    np.testing.assert_allclose(one.x, 2.0 * x, atol=1e-12)
+    with pytest.raises(ValueError, match="there are 3 particles"):
+        one.forces = [ap.Springs([(0, 7)], 1.0)]
+    with pytest.raises(ValueError, match="forces holds 7"):
+        one.forces = [7]
+    with pytest.raises(ValueError, match="colliders holds 7"):
+        one.colliders = [7]
+    one.step(H)
+
+
 @pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy])
 def test_copies_go_their_own_way(copied):
     one, alone = system(), system()

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from articulated.particles import strands, woven
+from articulated.particles.chains import band
 from articulated.particles.sums import acting, are_summed
 
 _SEARCHES = 10
@@ -81,9 +82,9 @@ class ImplicitEuler:
         if system.chains is None and are_summed(system):
             return woven.turn(system, h, v, self.iterations)
         if system.chains is not None:
-            band = system.band(t, x, v, h)
-            band[:, 0] += m[:, :, None] * np.eye(3)
-            return system.chains.solve(band, -r, ~free[:, 0]), 0.0
+            blocks = band(system, t, x, v, h)
+            blocks[:, 0] += m[:, :, None] * np.eye(3)
+            return system.chains.solve(blocks, -r, ~free[:, 0]), 0.0
 
         def product(p: np.ndarray) -> np.ndarray:
             return (m * p + system.product(t, x, v, p, h)) * free
