@@ -64,14 +64,14 @@ def test_shipped_rigs(name, dtype):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize("robot", [robot for robot in ROBOTS if robot not in REFUSED])
-def test_example_robots(robots, robot):
-    for root in ("fixed", "free"):
-        assert_equal(art.load(robots / robot, root), SWEPT)
+@pytest.mark.parametrize(("k", "robot"), enumerate(robot for robot in ROBOTS if robot not in REFUSED))
+def test_example_robots(robots, k, robot):
+    """Fixed and free by turns: to compile both takes long, and says nothing that shipped rigs and random trees do not."""
+    assert_equal(art.load(robots / robot, ("fixed", "free")[k % 2]), SWEPT)
 
 
 @pytest.mark.sweep
 @pytest.mark.parametrize("block", range(10))
 def test_many_random_trees(block):
-    for seed in range(15 * block, 15 * block + 15):
+    for seed in range(10 * block, 10 * block + 10):
         assert_equal(random_rig(seed), ("forward_dynamics", "inverse_dynamics"))
