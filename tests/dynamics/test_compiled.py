@@ -64,10 +64,10 @@ def test_shipped_rigs(name, dtype):
 
 
 @pytest.mark.sweep
-@pytest.mark.parametrize(("k", "robot"), enumerate(robot for robot in ROBOTS if robot not in REFUSED))
+@pytest.mark.parametrize(("k", "robot"), list(enumerate(robot for robot in ROBOTS if robot not in REFUSED)))
 def test_example_robots(robots, k, robot):
-    """Fixed and free by turns: to compile both takes long, and says nothing that shipped rigs and random trees do not."""
-    assert_equal(art.load(robots / robot, ("fixed", "free")[k % 2]), SWEPT)
+    """Fixed and free by turns, all functions of every third: to compile all takes long, and random trees say the same."""
+    assert_equal(art.load(robots / robot, ("fixed", "free")[k % 2]), SWEPT if k % 3 == 0 else SWEPT[:2])
 
 
 @pytest.mark.sweep
