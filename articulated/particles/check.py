@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from math import isfinite
 from typing import Any
 
@@ -133,6 +134,17 @@ def mask(name: str, value: Any, n: int) -> np.ndarray:
     result = np.zeros(n, dtype=bool)
     result[some[:, 0]] = True
     return result
+
+
+def all_are(kind: type, name: str, things: Iterable[Any], some: str) -> None:
+    """That all things are of a kind, such as `some`.
+
+    Raises:
+        ValueError: one is not.
+    """
+    for thing in things:
+        if not isinstance(thing, kind):
+            raise ValueError(f"{name} holds {thing!r}; expected {some} and the like")
 
 
 def settle(thing: Any, **values: Any) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from articulated.particles.chains import Chains
-from articulated.particles.check import format_of, mask, numbers, positive
+from articulated.particles.check import all_are, format_of, mask, numbers, positive
 from articulated.particles.colliders import Collider
 from articulated.particles.collisions import collided
 from articulated.particles.forces.force import Force
@@ -108,9 +108,7 @@ class System(Resident):
 
     @forces.setter
     def forces(self, forces: Sequence[Force]) -> None:
-        for force in forces:
-            if not isinstance(force, Force):
-                raise ValueError(f"forces holds {force!r}; expected Gravity(), Springs(…), OwnForce(function) and the like")
+        all_are(Force, "forces", forces, "Gravity(), Springs(…), OwnForce(function)")
         self._forces = tuple(force.bound(self.x, self.mass) for force in forces)
         self.chains = Chains.of(len(self.mass), self._forces)
 
@@ -120,9 +118,7 @@ class System(Resident):
 
     @colliders.setter
     def colliders(self, colliders: Sequence[Collider]) -> None:
-        for collider in colliders:
-            if not isinstance(collider, Collider):
-                raise ValueError(f"colliders holds {collider!r}; expected Plane(…), Sphere(…) and the like")
+        all_are(Collider, "colliders", colliders, "Plane(…), Sphere(…)")
         self._colliders = tuple(colliders)
 
     @property
