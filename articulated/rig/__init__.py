@@ -10,6 +10,7 @@ from articulated.rig.loose import loose_body
 from articulated.rig.mass import MassProperties, mass_properties
 from articulated.rig.rig import Body, Link, Rig
 from articulated.rig.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from articulated.rig.swing_twist import SwingTwist
 
 __all__ = [
     "KINDS",
@@ -30,6 +31,7 @@ __all__ = [
     "RigWarning",
     "Shape",
     "Sphere",
+    "SwingTwist",
     "compose",
     "load",
     "loose_body",
