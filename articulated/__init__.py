@@ -3,6 +3,7 @@
 URDF in, trajectory out. See README.md for a start, and the docstrings of what is listed here for everything else.
 """
 
+from articulated.characters import Pushes, Reached, Stander, Stepper, Tracker, reach, tuned
 from articulated.dynamics.boundary import GRAVITY
 from articulated.dynamics.functions import (
     bias_forces,
@@ -60,6 +61,7 @@ from articulated.simulation import (
     PD,
     CollisionPairs,
     Collisions,
+    Command,
     ContactPoint,
     Contacts,
     FirstOrder,
@@ -67,6 +69,7 @@ from articulated.simulation import (
     HeightField,
     Material,
     Plane,
+    RootHelp,
     Simulation,
     Stairs,
     State,
@@ -75,7 +78,7 @@ from articulated.simulation import (
     first_order,
     simulate,
 )
-from articulated.trajectory import Check, Cloud, Outcome, Report, Trajectory
+from articulated.trajectory import Check, Cloud, Motion, Outcome, Report, Trajectory
 
 __version__ = "0.1.0"
 
@@ -90,6 +93,7 @@ __all__ = [
     "Cloud",
     "CollisionPairs",
     "Collisions",
+    "Command",
     "ContactPoint",
     "Contacts",
     "Cylinder",
@@ -104,20 +108,27 @@ __all__ = [
     "Material",
     "Mesh",
     "Mimic",
+    "Motion",
     "Outcome",
     "Plane",
+    "Pushes",
+    "Reached",
     "Report",
     "Rig",
     "RigBuilder",
     "RigError",
     "RigWarning",
+    "RootHelp",
     "Shape",
     "Simulation",
     "Sphere",
     "Stairs",
+    "Stander",
     "State",
+    "Stepper",
     "Stops",
     "SwingTwist",
+    "Tracker",
     "Trajectory",
     "assemble",
     "bias_forces",
@@ -148,6 +159,8 @@ __all__ = [
     "point_wrench",
     "potential_energy",
     "project_velocity",
+    "reach",
     "shipped_rigs",
     "simulate",
+    "tuned",
 ]

@@ -1,6 +1,7 @@
 """Moving a rig in time."""
 
-from articulated.simulation.actuation import PD, Stops
+from articulated.simulation.actuation import PD, RootHelp, Stops
+from articulated.simulation.command import Command
 from articulated.simulation.contact.candidates import ContactPoint
 from articulated.simulation.contact.choosing import CollisionPairs, collision_pairs
 from articulated.simulation.contact.collisions import Collisions
@@ -17,6 +18,7 @@ __all__ = [
     "PD",
     "CollisionPairs",
     "Collisions",
+    "Command",
     "ContactPoint",
     "Contacts",
     "FirstOrder",
@@ -24,6 +26,7 @@ __all__ = [
     "HeightField",
     "Material",
     "Plane",
+    "RootHelp",
     "Simulation",
     "Stairs",
     "State",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -21,17 +21,43 @@ class PD:
         art.PD(stiffness={"left_knee": 200.0, "right_knee": 200.0}, damping=5.0, limit="effort")
 
     Each is a number for all joints but a free or planar root's; or numbers by joint, the others having none; or an array.
-    A ball joint is driven along the shortest turn to its target.
+    A ball joint is driven along the shortest turn to its target. `tuned` chooses them by frequency and damping ratio.
 
     Attributes:
         stiffness: p, shape (..., nv) if an array [N m/rad, N/m].
         damping: d, likewise [N m s/rad, N s/m].
         limit: largest torque or force, likewise [N m, N]; or "effort": the limits that the rig gives.
+        help: what helps a free or planar root to its target, which no motor of the rig could; None for nothing.
     """
 
     stiffness: float | Mapping[str, float] | ArrayLike
     damping: float | Mapping[str, float] | ArrayLike = 0.0
     limit: float | Mapping[str, float] | ArrayLike | str = math.inf
+    help: RootHelp | None = None
+
+
+@dataclass(frozen=True)
+class RootHelp:
+    """A helping hand: a spring and damper between a root and its target, as part of the solve; see `PD`.
+
+    Each is a pair, for its position and for its orientation, in the root's own axes.
+
+    Attributes:
+        stiffness: [N/m], [N m/rad].
+        damping: [N s/m], [N m s/rad].
+        limit: largest force and couple, along each axis [N], [N m].
+    """
+
+    stiffness: tuple[float, float]
+    damping: tuple[float, float] = (0.0, 0.0)
+    limit: tuple[float, float] = (math.inf, math.inf)
+
+    def __post_init__(self):
+        for name in ("stiffness", "damping", "limit"):
+            given = getattr(self, name)
+            pair = given if isinstance(given, Sequence) and len(given) == 2 else (None,)
+            if not all(isinstance(x, (int, float, np.number)) and x >= 0.0 and (name == "limit" or x < math.inf) for x in pair):
+                raise ValueError(f"{name} of a root's help is {given!r}; expected two numbers, zero or more: linear, angular")
 
 
 @dataclass(frozen=True)
@@ -90,12 +116,32 @@ def gains(rig: Rig, pd: PD) -> Gains:
         values[name] = _per_coordinate(rig, name, given, default, free)
     for name in ("stiffness", "damping"):
         if np.any(values[name][..., ~free]):
-            raise ValueError(f"{name} drives a floating or planar joint, which no motor does; push it with external wrenches")
+            raise ValueError(
+                f"{name} drives a floating or planar joint, which no motor does; push it with external wrenches, or help"
+            )
+    if pd.help is not None:
+        free = free | _helped(rig, pd.help, values)
     driven = free & (_some(values["stiffness"]) | _some(values["damping"]))
     coordinates = tuple(np.flatnonzero(driven).tolist())
     limited = bool(np.isfinite(values["limit"][..., driven]).any())
     p, d, most = (values[name][..., driven] for name in ("stiffness", "damping", "limit"))
     return Gains(Drives(coordinates, limited), p, d, np.minimum(most, _NO_LIMIT) if limited else most[..., :0])
+
+
+def _helped(rig: Rig, help: RootHelp, values: dict[str, np.ndarray]) -> np.ndarray:
+    """Which coordinates are a root's, whose gains are written down."""
+    helped = np.zeros(rig.nv, dtype=bool)
+    roots = [joint for joint in rig.joints.values() if rig.is_root(joint)]
+    if not roots:
+        raise ValueError(f"rig {rig.name!r} has no free or planar root to be helped; leave help out, or load it with one")
+    for joint in roots:
+        helped[joint.v_slice] = True
+        linear = 3 if joint.kind == "floating" else 2
+        for name, array in values.items():
+            pair = getattr(help, name)
+            values[name] = array = array.copy()
+            array[..., joint.v_slice] = [*[pair[0]] * linear, *[pair[1]] * (joint.nv - linear)]
+    return helped
 
 
 _NO_LIMIT = 1e9

@@ -46,6 +46,12 @@ class Forces:
     def mechanism(self) -> Mechanism:
         return self.scene.mechanism
 
+    @property
+    def undriven(self) -> list[Scalar]:
+        """The control's forces where no drive acts; elsewhere the drive gives them."""
+        driven = self.scene.drives.coordinates if self.scene.drives else ()
+        return [0.0 if s in driven else x for s, x in enumerate(self.tau)]
+
     def errors(self, q: Sequence[Scalar]) -> list[Scalar]:
         """Of each drive, how far its coordinate is from where it should be [rad or m]."""
         if self.scene.drives is None:

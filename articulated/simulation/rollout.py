@@ -95,7 +95,7 @@ class World:
 class Signals(NamedTuple):
     """What acts in each period: generalized forces, the configuration that drives hold to, and wrenches on links.
 
-    And in each step what carried particles do to bodies.
+    And in each step what carried particles do to bodies. Gains of drives, if they change, are numbers of the scene.
     """
 
     tau: Signal
@@ -122,7 +122,9 @@ class Rollout:
         recorded: shapes of what is kept of each frame: q, v, work, and what is shown.
     """
 
-    def __init__(self, world: World, start: State, signals: Signals, plan: Plan, threads: int | None):
+    def __init__(
+        self, world: World, start: State, signals: Signals, plan: Plan, threads: int | None, gains: Signal | None = None
+    ):
         self.world, self.signals, self.plan, self.threads = world, signals, plan, threads
         self.scene, self.rig, self.method = world.scene, world.scene.rig, INTEGRATORS[world.integrator]
         self.batch, self.dtype = start.work.shape, start.q.dtype
@@ -131,11 +133,14 @@ class Rollout:
         self.cargo = (
             None if start.particles is None or world.freight is None else Cargo(world.freight, start.particles, start.time)
         )
-        self.asks = any(signal.function is not None for signal in signals) or self.cargo is not None
+        asked = [*signals, gains] if gains is not None else signals
+        self.asks = any(signal.function is not None for signal in asked) or self.cargo is not None
         self._like = world.layout
+        self._gains, self._numbers, self._begins = gains, world.numbers, start.time
         self._size = world.size
         self.shown = self._shown(self._like)
         self.recorded = ((self.rig.nq,), (self.rig.nv,), (), *((len(part),) for part in self.shown.values()))
+        self._set_gains()
         given = start.motion()
         self.motion = given if given.shape[-1] == self._size else self._begun(given[..., : self.rig.nq + self.rig.nv + 1])
         self._spare: np.ndarray | None = None  # memory to move into: what was moved from, if nobody else has it
@@ -155,8 +160,7 @@ class Rollout:
     def step(self) -> None:
         """One control period."""
         if interpreting() or self.asks:
-            for signal in self.signals:
-                signal.update(0, 0.0, self.state(0))
+            self._update(0, self.state(0))
         self._period(0)
 
     def state(self, k: int) -> State:
@@ -170,7 +174,9 @@ class Rollout:
             size = nq + nv + 1 + len(self.scene.rows)
             motion = call(self.rig, _interpolated, given, (size,), None, self.threads, **options)
         self._shared = True
-        return replace(State.of(t, motion, nq, nv), particles=None if self.cargo is None else self.cargo.particles)
+        return replace(
+            State.of(self._begins + t, motion, nq, nv), particles=None if self.cargo is None else self.cargo.particles
+        )
 
     def _shown(self, motion: Motion) -> dict[str, list[Any]]:
         """What the method shows of the step before, flat; without what is empty."""
@@ -208,11 +214,27 @@ class Rollout:
                 k = frame * self.plan.periods + j
                 if j == 0 or self.asks:
                     state = self.state(k)
-                for signal in self.signals:
-                    signal.update(k, k * self.plan.times.period, state)
+                self._update(k, state)
                 if j == 0:
                     yield self._now(frame, state, self.signals.tau.value)
                 self._period(k)
+
+    def _update(self, k: int, state: State) -> None:
+        """What acts in period k, found out."""
+        time = self._begins + k * self.plan.times.period
+        for signal in self.signals:
+            signal.update(k, time, state)
+        if self._gains is not None:
+            self._gains.update(k, time, state)
+            self._set_gains()
+
+    def _set_gains(self) -> None:
+        """Gains that change in their places among the scene's numbers."""
+        self._numbers = self.world.numbers
+        if self._gains is not None and (given := self._gains.value) is not None:
+            numbers = np.broadcast_to(self._numbers, (*given.shape[:-1], self._numbers.shape[-1])).copy()
+            numbers[..., -1 - given.shape[-1] : -1] = given  # the last is the solver's tolerance
+            self._numbers = numbers
 
     def _period(self, k: int) -> None:
         if math.prod(self.batch) == 0:
@@ -232,7 +254,7 @@ class Rollout:
         if not interpreting():
             self._run(k, 1, 1, None, substeps)
             return
-        settings, numbers = self._settings(k), self.world.numbers
+        settings, numbers = self._settings(k), self._numbers
         given = [(self.motion, 1), (np.broadcast_to(settings, (*self.batch, *settings.shape)), 1)]
         given += [(np.broadcast_to(numbers, (*self.batch, numbers.shape[-1])), 1)]
         given += [(signal.value, len(signal.shape)) for signal in self.signals]
@@ -306,7 +328,7 @@ class Rollout:
         if moved is None:
             moved = np.empty_like(self.motion)
         table = [states(self.motion, batch, 1), states(self._settings(first), batch, 1)]
-        table.append(states(self.world.numbers.astype(self.dtype, copy=False), batch, 1))
+        table.append(states(self._numbers.astype(self.dtype, copy=False), batch, 1))
         for signal in self.signals:
             if signal.over_time is not None:
                 array, step, *_ = states(signal.over_time, batch, len(signal.shape) + 1)

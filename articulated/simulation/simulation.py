@@ -16,7 +16,8 @@ from articulated.dynamics.loops.functions import closed, gaps
 from articulated.particles.attached import Attached
 from articulated.rig import Loop, Rig
 from articulated.scalar import flatten
-from articulated.simulation.actuation import PD, Stops
+from articulated.simulation.actuation import PD, Gains, Stops, gains
+from articulated.simulation.command import Command, split
 from articulated.simulation.contact.candidates import ContactPoint
 from articulated.simulation.contact.collisions import Collisions
 from articulated.simulation.contact.ground import Ground
@@ -37,7 +38,7 @@ _OPEN = 1e-3
 _TOO_LONG = 0.05
 """A rope may be so much too long [m]: it gives way under a load."""
 
-Control = ArrayLike | Callable[[float, State], ArrayLike | None] | None
+Control = ArrayLike | Command | Callable[[float, State], ArrayLike | Command | None] | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +93,7 @@ class Simulation:
     max_steps: int = 100_000
     threads: int | None = None
     _world: World = field(init=False, repr=False)
+    _gains: Gains | None = field(init=False, repr=False)
 
     def __post_init__(self):
         if self.integrator is not None and self.integrator not in INTEGRATORS:
@@ -128,6 +130,7 @@ class Simulation:
                 raise ValueError(f"integrator is {self.integrator!r}; with particles attached, expected semi_implicit")
         method = self.integrator or ("semi_implicit" if scene.is_stiff else "rk4")
         object.__setattr__(self, "integrator", method)
+        object.__setattr__(self, "_gains", gains(self.rig, self.actuation) if self.actuation is not None else None)
         object.__setattr__(self, "_world", World(scene, method, like, numbers, tuple(gravity.tolist()), freight))
 
     def _freight(self, gravity: list[float]) -> Freight | None:
@@ -202,7 +205,8 @@ class Simulation:
 
         Args:
             state: from `reset` or an earlier `step`.
-            control: generalized forces, shape (..., nv) [N m, N], or a function of time and state that gives them, or None.
+            control: generalized forces, shape (..., nv) [N m, N], or a function of time and state that gives them, or None;
+                with drives the configuration that they are to hold, (..., nq), or a `Command`, or a function that gives these.
             external: likewise wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6)
                 [N, N m].
 
@@ -213,7 +217,7 @@ class Simulation:
             raise ValueError("control is None; with actuation, give the configuration that the drives are to hold, (..., nq)")
         rollout = self._rollout(state, control, external, 1, 1, self.dt * self.substeps)
         rollout.step()
-        return replace(rollout.state(1), time=state.time + self.dt * self.substeps)
+        return rollout.state(1)
 
     def run(
         self,
@@ -236,7 +240,8 @@ class Simulation:
             fps: frames a second.
             control: generalized forces [N m, N]: an array, shape (..., nv) with no more axes than q0, held throughout; or
                 with one axis more, shape (..., N, nv), whose N rows share the duration evenly; or a function of time and
-                state, called once a control period for the whole batch; or None.
+                state, called once a control period for the whole batch; or None. With drives likewise the configuration that
+                they are to hold, (..., nq), or a `Command`; None is that of the start.
             external: likewise wrenches on links, (force, couple) in the world at the link origin, shape (..., nlinks, 6)
                 or (..., N, nlinks, 6) [N, N m].
             progress: show a bar if it takes long.
@@ -298,16 +303,20 @@ class Simulation:
 
     def _rollout(self, start: State, control: Control, external: Control, frames: int, periods: int, period: float) -> Rollout:
         batch, total, rig = start.work.shape, frames * periods, self.rig
-        drives = self._world.scene.drives is not None
+        target, tau, numbers = (None, control, None) if self._gains is None else split(control, self._gains, rig)
         signals = Signals(
-            Signal(rig, "control", (rig.nv,), batch, total, None if drives else control, start.q.dtype),
-            Signal(rig, "control", (rig.nq,), batch, total, control if drives else None, start.q.dtype),
+            Signal(rig, "control", (rig.nv,), batch, total, tau, start.q.dtype),
+            Signal(rig, "control", (rig.nq,), batch, total, target, start.q.dtype),
             Signal(rig, "external", (rig.nlinks, 6), batch, total, external, start.q.dtype),
             Signal(rig, "towed", (size(self._world.scene.carriers),), batch, total, None, start.q.dtype),
         )
         times = Times(period, frames * periods * period, period / self.substeps, self.rtol, self.atol, self.max_steps)
         plan = Plan(frames, periods, self.substeps, times)
-        return Rollout(self._world, start, signals, plan, self.threads)
+        changing = None
+        if numbers is not None and self._gains is not None:
+            count = sum(part.shape[-1] for part in (self._gains.stiffness, self._gains.damping, self._gains.limit))
+            changing = Signal(rig, "gains", (count,), batch, total, numbers, start.q.dtype)
+        return Rollout(self._world, start, signals, plan, self.threads, changing)
 
 
 def _partly(new: State, state: State, where: ArrayLike | None) -> State:

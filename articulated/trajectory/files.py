@@ -18,6 +18,7 @@ import numpy as np
 from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
 from articulated.trajectory.cloud import Cloud
+from articulated.trajectory.motion import Motion
 from articulated.trajectory.trajectory import PER_STATE, Trajectory
 
 FORMAT = 5
@@ -96,6 +97,29 @@ def export(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     EXPORTERS[suffix](trajectory, path)
 
 
+def export_motion(motion: Motion, path: str | os.PathLike[str]) -> None:
+    """See `Motion.export`."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in MOTION_EXPORTERS:
+        raise ValueError(f"{os.fspath(path)!r}: unknown format {suffix!r}; known are {', '.join(MOTION_EXPORTERS)}")
+    MOTION_EXPORTERS[suffix](motion, path)
+
+
+def write_motion_csv(motion: Motion, path: str | os.PathLike[str]) -> None:
+    """One row a frame: time and q in columns named after the joints."""
+    with written(path, "w") as file:
+        file.write(",".join(_quoted(name) for name in ("time", *(f"q.{name}" for name in motion.rig.q_names))) + "\n")
+        rows = np.hstack([motion.time[:, None], motion.q])
+        file.writelines(",".join(map(repr, row)) + "\n" for row in rows.tolist())
+
+
+def write_motion_npz(motion: Motion, path: str | os.PathLike[str]) -> None:
+    """q, fps, name and the rig as URDF."""
+    with written(path, "wb") as file:
+        numbers = {"q": motion.q, "fps": motion.fps, "name": motion.name}
+        np.savez_compressed(file, rig=motion.rig.to_urdf(), root=motion.rig.root, **numbers)
+
+
 def write_csv(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
     """One row a frame: time, q, v, tau and energies in columns named after the joints; first the state, if there is a batch."""
     rig, batch = trajectory.rig, trajectory.outcome.shape
@@ -124,6 +148,10 @@ def _quoted(name: str) -> str:
 
 
 EXPORTERS: dict[str, Callable[[Trajectory, str | os.PathLike[str]], None]] = {".csv": write_csv}
+MOTION_EXPORTERS: dict[str, Callable[[Motion, str | os.PathLike[str]], None]] = {
+    ".csv": write_motion_csv,
+    ".npz": write_motion_npz,
+}
 
 
 @contextlib.contextmanager

@@ -10,6 +10,7 @@ import numpy as np
 
 from articulated.rig import Rig
 from articulated.trajectory.cloud import Cloud
+from articulated.trajectory.motion import Motion
 from articulated.trajectory.report import Report, certify
 
 PER_STATE = {
@@ -108,6 +109,17 @@ class Trajectory:
         if self.particles is not None:
             some["particles"] = self.particles.state(*index)
         return replace(self, **some)
+
+    def motion(self, fps: float | None = None) -> Motion:
+        """Its configurations as a motion, of one state; at another rate if need be.
+
+        Raises:
+            ValueError: it is of a batch, has one frame, or holds numbers that are not finite.
+        """
+        if self.outcome.ndim:
+            raise ValueError(f"a batch {self.outcome.shape} is no one motion; take one of its states: run.state(0).motion()")
+        motion = Motion(self.rig, self.q, self.fps or 1.0, self.rig.name)
+        return motion if fps is None else motion.resampled(fps)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write everything, the rig included, to an .npz file. An old file is replaced only once the new one is whole.

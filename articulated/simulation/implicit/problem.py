@@ -119,18 +119,20 @@ def _ropes(now: Tree, start: Standing, forces: Forces, h: Scalar) -> list[JointT
 
 
 def drives(start: Standing, forces: Forces, h: Scalar) -> list[tuple[Scalar, Scalar]]:
-    """c and b of each drive, which gives the impulse c − b v."""
-    gains = forces.numbers.drives
+    """c and b of each drive, which gives the impulse c − b v; what the control adds there is within its limit too."""
+    gains, driven = forces.numbers.drives, forces.scene.drives
+    if driven is None:
+        return []
     return [
-        (h * p * error, h * (d + h * p))
-        for p, d, error in zip(gains.stiffness, gains.damping, forces.errors(start.q), strict=True)
+        (h * (p * error + forces.tau[s]), h * (d + h * p))
+        for s, p, d, error in zip(driven.coordinates, gains.stiffness, gains.damping, forces.errors(start.q), strict=True)
     ]
 
 
 def linear_part(start: Standing, v: Sequence[Scalar], forces: Forces, h: Scalar) -> tuple[list[Scalar], list[Scalar]]:
     """What joints add to p and to the diagonal of A; without stops, limited drives and dry friction."""
     m, scene = forces.mechanism, forces.scene
-    p = [a * x + h * t for a, x, t in zip(m.armature, v, forces.tau, strict=True)]
+    p = [a * x + h * t for a, x, t in zip(m.armature, v, forces.undriven, strict=True)]
     mass = [a + h * d for a, d in zip(m.armature, m.damping, strict=True)]
     if scene.drives and not scene.drives.limited:
         for s, (c, b) in zip(scene.drives.coordinates, drives(start, forces, h), strict=True):

@@ -115,7 +115,7 @@ def _work(
     """Of all forces but weight: impulse times mean velocity, the change of kinetic energy for a constant mass matrix."""
     m, (v, v_new), (begun, found) = now.mechanism, velocities, solved
     mean = [0.5 * (a + b) for a, b in zip(v, v_new, strict=True)]
-    impulse = [h * (tau - d * x) for tau, d, x in zip(forces.tau, m.damping, v_new, strict=True)]
+    impulse = [h * (tau - d * x) for tau, d, x in zip(forces.undriven, m.damping, v_new, strict=True)]
     if forces.scene.drives and not forces.scene.drives.limited:
         for s, effort in zip(forces.scene.drives.coordinates, efforts, strict=True):
             impulse[s] = impulse[s] + h * effort
