@@ -9,14 +9,17 @@ from articulated.rig.loop import Loop
 from articulated.rig.loose import loose_body
 from articulated.rig.mass import MassProperties, mass_properties
 from articulated.rig.rig import Body, Link, Rig
-from articulated.rig.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from articulated.rig.shapes import Box, Capsule, Cone, Cylinder, Ellipsoid, Hollow, Mesh, Shape, Sphere
 
 __all__ = [
     "KINDS",
     "Body",
     "Box",
     "Capsule",
+    "Cone",
     "Cylinder",
+    "Ellipsoid",
+    "Hollow",
     "Joint",
     "Limits",
     "Link",
