@@ -11,6 +11,9 @@ import articulated as art
 from articulated.rig.frames import rotation_with_z_along
 
 
+BOX = art.Box((0.2, 0.3, 0.5))
+
+
 def pose(direction=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0)) -> np.ndarray:
     X = np.eye(4)
     X[:3, :3], X[:3, 3] = rotation_with_z_along(np.array(direction, dtype=float)), at
