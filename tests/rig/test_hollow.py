@@ -10,7 +10,6 @@ from scipy.integrate import quad
 import articulated as art
 from articulated.rig.frames import rotation_with_z_along
 
-
 BOX = art.Box((0.2, 0.3, 0.5))
 
 
