@@ -47,7 +47,7 @@ class MassProperties:
     inertia: np.ndarray
 
     def __post_init__(self):
-        _check_positive("mass", self.mass, "kilograms")
+        check_positive("mass", self.mass, "kilograms")
         object.__setattr__(self, "mass", float(self.mass))
         for name, shape in (("center", (3,)), ("inertia", (3, 3))):
             object.__setattr__(self, name, _frozen(name, getattr(self, name), shape))
@@ -148,11 +148,11 @@ def mass_properties(
         )
     whole = together([_moments(one, repair_mesh) for one in parts])
     if mass is not None:
-        _check_positive("mass", mass, "kilograms")
+        check_positive("mass", mass, "kilograms")
     elif shells:
         raise ValueError("an infinitely thin shell has no volume that a density could fill; give mass=, or the Hollow a wall")
     else:
-        _check_positive("density", density, "kilograms a cubic metre")
+        check_positive("density", density, "kilograms a cubic metre")
         mass = density * whole.volume
     return MassProperties(mass, whole.center, mass / whole.volume * whole.inertia)
 
@@ -183,7 +183,12 @@ def _moments(geometry: Any, repair_mesh: str | None) -> Moments:
     return moments.mapped(X[:3, :3], X[:3, 3])
 
 
-def _check_positive(what: str, value: Any, unit: str) -> None:
+def check_positive(what: str, value: Any, unit: str) -> None:
+    """Refuse what is no positive number.
+
+    Raises:
+        ValueError: so.
+    """
     if not isinstance(value, (int, float, np.number)) or not 0.0 < value <= LARGEST:  # false for NaN
         raise ValueError(f"{what} is {value!r}; expected a positive number of {unit}")
 
