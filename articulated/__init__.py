@@ -55,7 +55,9 @@ from articulated.rig import (
     load,
     loose_body,
     mass_properties,
+    person,
     shipped_rigs,
+    standing_height,
 )
 from articulated.simulation import (
     INTEGRATORS,
@@ -149,9 +151,11 @@ __all__ = [
     "mass_properties",
     "momentum",
     "passive_forces",
+    "person",
     "point_wrench",
     "potential_energy",
     "project_velocity",
     "shipped_rigs",
     "simulate",
+    "standing_height",
 ]
