@@ -1,17 +1,18 @@
 """A person of given height, mass and sex: 16 segments with masses, centres and inertias from published tables.
 
-what                           from
-segments                       de Leva 1996, see `anthropometry`: scaled with height and mass
-ankle above the sole, breadths D. A. Winter, Biomechanics and Motor Control of Human Movement, 2009, fig. 4.1, after Drillis and Contini
-                               1966, parts of the height: ankle 0.039, foot 0.055, hips 0.191, chest 0.174
-between the shoulders          S. Pheasant and C. Haslegrave, Bodyspace: biacromial breadth, British adults, 50th percentile ("lateral
-                               separation of the centres of rotation of the upper limb"): 400 of 1740 mm, 355 of 1610 mm
-between the hips               0.1 of the height: joint centres lie 0.36 of the distance between the anterior superior iliac spines to
-                               either side (Bell, Brand and Pedersen 1989), which is about 0.24 m
-ranges of motion               American Academy of Orthopaedic Surgeons, Joint Motion: Method of Measuring and Recording, 1965
+what                    from
+segments                de Leva 1996, see `anthropometry`: scaled with height and mass
+ankle above the sole,   parts of the height: ankle 0.039, foot 0.055, hips 0.191, chest 0.174 (D. A. Winter, Biomechanics and
+and breadths            Motor Control of Human Movement, 2009, fig. 4.1, after Drillis and Contini 1966)
+between the shoulders   400 of 1740 mm, 355 of 1610 mm: biacromial breadth of British adults, "lateral separation of the
+                        centres of rotation of the upper limb" (S. Pheasant and C. Haslegrave, Bodyspace, dimension 18)
+between the hips        0.1 of the height: the centres lie 0.36 of the distance between the anterior superior iliac spines, some
+                        0.24 m, to either side (Bell, Brand and Pedersen 1989)
+ranges of motion        American Academy of Orthopaedic Surgeons, Joint Motion: Method of Measuring and Recording, 1965
 
-The people of the table were measured lying; what of them stands, one segment upon the other from ankle to vertex, adds up to
-up to 2 % more than their height leaves. Those lengths are shrunk alike to make the height exact, the radii of gyration are not.
+The people of the table were measured lying. What stands of them, one segment upon the other from ankle to vertex, adds up to a
+little more than their height leaves: 2 % in men, nothing in women. Those lengths are shrunk alike to make the height exact, the
+radii of gyration are not.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from articulated.rig.anthropometry import BOTH_SIDES, MEAN_HEIGHT, Segment, othe
 from articulated.rig.builder import RigBuilder
 from articulated.rig.joint import Limits
 from articulated.rig.rig import Rig
-from articulated.rig.shapes import Box, Capsule, Shape
+from articulated.rig.shapes import Box, Capsule, Geometry, Shape
 
 _ANKLE, _FOOT_BREADTH, _HIP_BREADTH, _CHEST_BREADTH, _HAND_BREADTH = 0.039, 0.055, 0.191, 0.174, 0.049
 """Parts of the height. The hand's is from Bodyspace: 85 of 1740 mm."""
@@ -40,11 +41,15 @@ _HEEL = 0.25
 _DENSITY = 1000.0
 """Of the shapes [kg/m³]."""
 
-_STRONG = {"damping": 2.0, "armature": 0.01}
-_WEAK = {"damping": 0.2, "armature": 0.002}
+_STRONG: dict[str, Any] = {"damping": 2.0, "armature": 0.01}
+_WEAK: dict[str, Any] = {"damping": 0.2, "armature": 0.002}
 
 _HEIGHTS, _MASSES = (0.5, 2.6), (3.0, 500.0)
 """What people can be [m, kg]."""
+
+
+_Vector = tuple[float, float, float]
+_UP, _FORWARD = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
 
 
 def person(height: float = 1.75, mass: float = 70.0, sex: str = "male", *, root: str = "free") -> Rig:
@@ -54,9 +59,9 @@ def person(height: float = 1.75, mass: float = 70.0, sex: str = "male", *, root:
         q0 = rig.neutral()
         q0[2] = art.standing_height(rig)  # soles on the ground
 
-    Links: pelvis, abdomen, torso, head, and upper_arm, forearm, hand, thigh, shin and foot, each left_ and right_. Joints: balls at
-    waist, spine, neck, shoulders and hips, hinges at elbows and knees, two axes at wrists and ankles; a positive elbow
-    or knee is bent. Each link's frame is at the joint that moves it; the root's, the pelvis's, is midway between the hips.
+    Links: pelvis, abdomen, torso, head, and upper_arm, forearm, hand, thigh, shin and foot, each left_ and right_. Joints: balls
+    at waist, spine, neck, shoulders and hips, hinges at elbows and knees, two axes at wrists and ankles; a positive elbow or
+    knee is bent. Each link's frame is at the joint that moves it; the root's, the pelvis's, is midway between the hips.
 
     Its shapes are boxes and capsules of the segments' lengths, and of the breadths and radii at which they have the density
     of water. Joints are damped a little. Both axes of a wrist or of an ankle have one range, the mean of the four published.
@@ -155,9 +160,8 @@ def _trunk(builder: RigBuilder, body: _Body) -> None:
     head = body.parts["head"]
     _link(builder, "head", head, (0.0, 0.0, head.length - head.center), "stl", _capsule(head), (0.0, 0.0, 0.5 * head.length))
     # the trunk's ranges are those of thoracic and lumbar spine together, half of them at either joint
-    up, forward = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
-    bend = _ball(up, forward, (40.0, 12.5, 17.5, 17.5), (-22.5, 22.5))
-    nod = _ball(up, forward, (45.0, 45.0, 45.0, 45.0), (-60.0, 60.0))
+    bend = _ball(_UP, _FORWARD, (40.0, 12.5, 17.5, 17.5), (-22.5, 22.5))
+    nod = _ball(_UP, _FORWARD, (45.0, 45.0, 45.0, 45.0), (-60.0, 60.0))
     chain = (("waist", "pelvis", "abdomen", bend), ("spine", "abdomen", "torso", bend), ("neck", "torso", "head", nod))
     for (joint, parent, child, limits), (_, name) in zip(chain, names, strict=True):
         builder.joint(joint, "ball", parent, child, xyz=(0.0, 0.0, body.parts[name].length), limits=limits, **_STRONG)
@@ -175,14 +179,18 @@ def _arm(builder: RigBuilder, body: _Body, side: str, y: float) -> None:
         _link(builder, f"{side}_{name}", part, (0.0, y * part.center, 0.0), axes, shape, (0.0, 0.5 * y * part.length, 0.0), out)
     trunk = body.parts
     above = body.shoulders - trunk["lower_trunk"].length - trunk["middle_trunk"].length
-    # forward and back, up and down from the horizontal; turned at 90° of abduction, outwards the farther
-    u = (130.0, 45.0) + ((90.0, 100.0) if y < 0.0 else (100.0, 90.0))
-    shoulder = _ball(out, (1.0, 0.0, 0.0), u, (-90.0, 70.0) if y > 0.0 else (-70.0, 90.0))
+    # forward and back, up and down from the horizontal: 10° more than straight down, or hanging arms would be at their limit
+    swing = (130.0, 45.0) + ((90.0, 100.0) if y < 0.0 else (100.0, 90.0))
+    shoulder = _ball(out, _FORWARD, swing, (-90.0, 70.0) if y > 0.0 else (-70.0, 90.0))
     at = (0.0, y * body.shoulder, above)
     builder.joint(f"{side}_shoulder", "ball", "torso", f"{side}_upper_arm", xyz=at, limits=shoulder, **_STRONG)
-    elbow = {"xyz": (0.0, y * trunk["upper_arm"].length, 0.0), "axis": (0.0, 0.0, -y), "limits": _range(0.0, 150.0)}
+    elbow: dict[str, Any] = {
+        "xyz": (0.0, y * trunk["upper_arm"].length, 0.0),
+        "axis": (0.0, 0.0, -y),
+        "limits": _range(0.0, 150.0),
+    }
     builder.joint(f"{side}_elbow", "revolute", f"{side}_upper_arm", f"{side}_forearm", **elbow, **_STRONG)
-    wrist = {"axis": (1.0, 0.0, 0.0), "axis2": (0.0, 0.0, 1.0), "limits": _range(-50.0, 50.0)}
+    wrist: dict[str, Any] = {"axis": (1.0, 0.0, 0.0), "axis2": (0.0, 0.0, 1.0), "limits": _range(-50.0, 50.0)}
     at = (0.0, y * trunk["forearm"].length, 0.0)
     builder.joint(f"{side}_wrist", "universal", f"{side}_forearm", f"{side}_hand", xyz=at, **wrist, **_WEAK)
 
@@ -197,24 +205,16 @@ def _leg(builder: RigBuilder, body: _Body, side: str, y: float) -> None:
     sole, heel = -_ANKLE * body.height, -_HEEL * foot.length
     width = _FOOT_BREADTH * body.height
     size = (foot.length, width, foot.volume / (width * foot.length))
-    middle = sole + 0.5 * size[2]
-    _link(
-        builder,
-        f"{side}_foot",
-        foot,
-        (heel + foot.center, 0.0, middle),
-        "lts",
-        Box(size),
-        (heel + 0.5 * foot.length, 0.0, middle),
-    )
+    middle, ahead = sole + 0.5 * size[2], heel + 0.5 * foot.length
+    _link(builder, f"{side}_foot", foot, (heel + foot.center, 0.0, middle), "lts", Box(size), (ahead, 0.0, middle))
     # forward, back, inwards and outwards, as seen along the left leg
     swing = (120.0, 30.0) + ((30.0, 45.0) if y > 0.0 else (45.0, 30.0))
-    hip = _ball((0.0, 0.0, -1.0), (1.0, 0.0, 0.0), swing, (-45.0, 45.0))
+    hip = _ball((0.0, 0.0, -1.0), _FORWARD, swing, (-45.0, 45.0))
     at = (0.0, y * body.hip, 0.0)
     builder.joint(f"{side}_hip", "ball", "pelvis", f"{side}_thigh", xyz=at, limits=hip, **_STRONG)
-    knee = {"xyz": (0.0, 0.0, -thigh.length), "axis": (0.0, 1.0, 0.0), "limits": _range(0.0, 135.0)}
+    knee: dict[str, Any] = {"xyz": (0.0, 0.0, -thigh.length), "axis": (0.0, 1.0, 0.0), "limits": _range(0.0, 135.0)}
     builder.joint(f"{side}_knee", "revolute", f"{side}_thigh", f"{side}_shin", **knee, **_STRONG)
-    ankle = {"axis": (0.0, 1.0, 0.0), "axis2": (1.0, 0.0, 0.0), "limits": _range(-30.0, 30.0)}
+    ankle: dict[str, Any] = {"axis": (0.0, 1.0, 0.0), "axis2": (1.0, 0.0, 0.0), "limits": _range(-30.0, 30.0)}
     at = (0.0, 0.0, -shank.length)
     builder.joint(f"{side}_ankle", "universal", f"{side}_shin", f"{side}_foot", xyz=at, **ankle, **_WEAK)
 
@@ -223,15 +223,15 @@ def _link(
     builder: RigBuilder,
     name: str,
     part: _Part,
-    center: tuple,
+    center: _Vector,
     axes: str,
-    geometry: Any,
-    at: tuple,
-    along: tuple = (0.0, 0.0, 1.0),
+    geometry: Geometry,
+    at: _Vector,
+    along: _Vector = _UP,
 ) -> None:
+    """A link with a shape centred `at`, whose own z axis points `along`; `axes` as in `_Part.moments`."""
     X = np.eye(4)
-    z = np.array(along)
-    x = np.array([1.0, 0.0, 0.0])
+    x, z = np.array([1.0, 0.0, 0.0]), np.array(along)
     X[:3, :3], X[:3, 3] = np.column_stack([x, np.cross(z, x), z]), at
     shape = Shape(geometry, X)
     builder.link(name, part.mass, center, np.diag(part.moments(axes)), [shape], [shape])
@@ -249,7 +249,7 @@ def _capsule(part: _Part) -> Capsule:
     return Capsule(radius, l - 2.0 * radius)
 
 
-def _ball(axis: tuple, toward: tuple, swing: tuple, twist: tuple) -> Limits:
+def _ball(axis: _Vector, toward: _Vector, swing: tuple[float, ...], twist: tuple[float, float]) -> Limits:
     """Towards `toward`, away from it, towards axis × toward, and away from that; turns about the axis [degrees]."""
     return Limits(upper=radians(max(*swing, *twist)))
 
