@@ -12,6 +12,7 @@ from articulated.rig.person import person
 from articulated.rig.rig import Body, Link, Rig
 from articulated.rig.shapes import Box, Capsule, Cone, Cylinder, Ellipsoid, Hollow, Mesh, Shape, Sphere
 from articulated.rig.standing import standing_height
+from articulated.rig.swing_twist import SwingTwist
 
 __all__ = [
     "KINDS",
@@ -35,6 +36,7 @@ __all__ = [
     "RigWarning",
     "Shape",
     "Sphere",
+    "SwingTwist",
     "compose",
     "load",
     "loose_body",

@@ -25,6 +25,7 @@ from articulated.rig.shapes import (
     dimensions,
     thickest_wall,
 )
+from articulated.rig.swing_twist import SwingTwist
 
 FARTHEST = 50.0
 """A joint or a shape farther or larger than this [m] was probably given in millimetres."""
@@ -229,6 +230,13 @@ def _check_numbers(joint: JointDescription) -> None:
         raise place.error(f"lower limit {limits.lower:g} is not below upper limit {limits.upper:g}", "exchange or correct them")
     if joint.kind == "ball" and limits.upper < 0.0:
         raise place.error(f"upper limit of a ball joint is {limits.upper:g}", "give how far it may turn, zero or more")
+    if limits.ball is not None:
+        if not isinstance(limits.ball, SwingTwist):
+            raise place.error(f"limits of a ball joint are {limits.ball!r}", "give an articulated.SwingTwist")
+        if joint.kind != "ball":
+            raise place.error(f"a {joint.kind} joint has no swing and twist", "give lower and upper limits, or make it a ball")
+        if math.isfinite(limits.upper):
+            raise place.error("has both an upper limit and a swing and twist", "leave one of them out")
     for name in ("effort", "velocity", "acceleration", "deceleration", "jerk"):
         value = getattr(limits, name)
         if math.isnan(value) or value < 0.0:

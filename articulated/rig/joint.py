@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from articulated.rig.swing_twist import SwingTwist
+
 
 class Kind(NamedTuple):
     """The coordinates of one kind of joint.
@@ -51,6 +53,7 @@ class Limits:
     Attributes:
         lower, upper: position [rad or m]; each axis of a universal joint has the same; a ball joint may turn away from
             neutral by at most `upper`.
+        ball: of a ball joint, instead of `upper`: a cone for its swing, and a range for its twist.
         effort: force or torque [N or N m].
         velocity, acceleration, deceleration, jerk: and its derivatives, per [s], [s²] and [s³].
     """
@@ -62,6 +65,7 @@ class Limits:
     acceleration: float = math.inf
     deceleration: float = math.inf
     jerk: float = math.inf
+    ball: SwingTwist | None = None
 
 
 @dataclass(frozen=True)

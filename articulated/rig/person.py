@@ -29,6 +29,7 @@ from articulated.rig.builder import RigBuilder
 from articulated.rig.joint import Limits
 from articulated.rig.rig import Rig
 from articulated.rig.shapes import Box, Capsule, Geometry, Shape
+from articulated.rig.swing_twist import SwingTwist
 
 _ANKLE, _FOOT_BREADTH, _HIP_BREADTH, _CHEST_BREADTH, _HAND_BREADTH = 0.039, 0.055, 0.191, 0.174, 0.049
 """Parts of the height. The hand's is from Bodyspace: 85 of 1740 mm."""
@@ -59,9 +60,9 @@ def person(height: float = 1.75, mass: float = 70.0, sex: str = "male", *, root:
         q0 = rig.neutral()
         q0[2] = art.standing_height(rig)  # soles on the ground
 
-    Links: pelvis, abdomen, torso, head, and upper_arm, forearm, hand, thigh, shin and foot, each left_ and right_. Joints: balls
-    at waist, spine, neck, shoulders and hips, hinges at elbows and knees, two axes at wrists and ankles; a positive elbow or
-    knee is bent. Each link's frame is at the joint that moves it; the root's, the pelvis's, is midway between the hips.
+    Links: pelvis, abdomen, torso, head, and left_ and right_ upper_arm, forearm, hand, thigh, shin, foot. Joints: balls at waist,
+    spine, neck, shoulders and hips, hinges at elbows and knees, two axes at wrists and ankles; a positive elbow or knee is bent.
+    Each link's frame is at the joint that moves it; the root's, the pelvis's, is midway between the hips.
 
     Its shapes are boxes and capsules of the segments' lengths, and of the breadths and radii at which they have the density
     of water. Joints are damped a little. Both axes of a wrist or of an ankle have one range, the mean of the four published.
@@ -160,8 +161,8 @@ def _trunk(builder: RigBuilder, body: _Body) -> None:
     head = body.parts["head"]
     _link(builder, "head", head, (0.0, 0.0, head.length - head.center), "stl", _capsule(head), (0.0, 0.0, 0.5 * head.length))
     # the trunk's ranges are those of thoracic and lumbar spine together, half of them at either joint
-    bend = _ball(_UP, _FORWARD, (40.0, 12.5, 17.5, 17.5), (-22.5, 22.5))
-    nod = _ball(_UP, _FORWARD, (45.0, 45.0, 45.0, 45.0), (-60.0, 60.0))
+    bend = _ball(_UP, (40.0, 12.5, 17.5, 17.5), (-22.5, 22.5))
+    nod = _ball(_UP, (45.0, 45.0, 45.0, 45.0), (-60.0, 60.0))
     chain = (("waist", "pelvis", "abdomen", bend), ("spine", "abdomen", "torso", bend), ("neck", "torso", "head", nod))
     for (joint, parent, child, limits), (_, name) in zip(chain, names, strict=True):
         builder.joint(joint, "ball", parent, child, xyz=(0.0, 0.0, body.parts[name].length), limits=limits, **_STRONG)
@@ -181,7 +182,7 @@ def _arm(builder: RigBuilder, body: _Body, side: str, y: float) -> None:
     above = body.shoulders - trunk["lower_trunk"].length - trunk["middle_trunk"].length
     # forward and back, up and down from the horizontal: 10° more than straight down, or hanging arms would be at their limit
     swing = (130.0, 45.0) + ((90.0, 100.0) if y < 0.0 else (100.0, 90.0))
-    shoulder = _ball(out, _FORWARD, swing, (-90.0, 70.0) if y > 0.0 else (-70.0, 90.0))
+    shoulder = _ball(out, swing, (-90.0, 70.0) if y > 0.0 else (-70.0, 90.0))
     at = (0.0, y * body.shoulder, above)
     builder.joint(f"{side}_shoulder", "ball", "torso", f"{side}_upper_arm", xyz=at, limits=shoulder, **_STRONG)
     elbow: dict[str, Any] = {
@@ -209,7 +210,7 @@ def _leg(builder: RigBuilder, body: _Body, side: str, y: float) -> None:
     _link(builder, f"{side}_foot", foot, (heel + foot.center, 0.0, middle), "lts", Box(size), (ahead, 0.0, middle))
     # forward, back, inwards and outwards, as seen along the left leg
     swing = (120.0, 30.0) + ((30.0, 45.0) if y > 0.0 else (45.0, 30.0))
-    hip = _ball((0.0, 0.0, -1.0), _FORWARD, swing, (-45.0, 45.0))
+    hip = _ball((0.0, 0.0, -1.0), swing, (-45.0, 45.0))
     at = (0.0, y * body.hip, 0.0)
     builder.joint(f"{side}_hip", "ball", "pelvis", f"{side}_thigh", xyz=at, limits=hip, **_STRONG)
     knee: dict[str, Any] = {"xyz": (0.0, 0.0, -thigh.length), "axis": (0.0, 1.0, 0.0), "limits": _range(0.0, 135.0)}
@@ -249,9 +250,11 @@ def _capsule(part: _Part) -> Capsule:
     return Capsule(radius, l - 2.0 * radius)
 
 
-def _ball(axis: _Vector, toward: _Vector, swing: tuple[float, ...], twist: tuple[float, float]) -> Limits:
-    """Towards `toward`, away from it, towards axis × toward, and away from that; turns about the axis [degrees]."""
-    return Limits(upper=radians(max(*swing, *twist)))
+def _ball(axis: _Vector, swing: tuple[float, float, float, float], twist: tuple[float, float]) -> Limits:
+    """Of a bone along an axis: swings forwards, back, towards axis × forwards and away from that; turns about it [degrees]."""
+    ahead, back, aside, other = (radians(angle) for angle in swing)
+    lower, upper = (radians(angle) for angle in twist)
+    return Limits(ball=SwingTwist(axis, _FORWARD, (ahead, back, aside, other), (lower, upper)))
 
 
 def _range(lower: float, upper: float) -> Limits:

@@ -12,6 +12,7 @@ import numpy as np
 from articulated.rig.joint import KINDS, Joint
 from articulated.rig.loop import Loop
 from articulated.rig.shapes import Shape
+from articulated.rig.swing_twist import random_turn
 
 _ENDLESS = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""
@@ -266,6 +267,8 @@ class Rig:
 def _random_configuration(joint: Joint, rng: np.random.Generator, shape: tuple[int, ...]) -> np.ndarray:
     limits = joint.limits
     if joint.kind == "ball":
+        if limits.ball is not None:
+            return random_turn(limits.ball, rng, shape)
         if limits.upper < math.pi:
             return _random_turn(rng, shape, limits.upper)
         return _random_quaternion(rng, shape)

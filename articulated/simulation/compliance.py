@@ -17,6 +17,7 @@ from articulated.scalar import Scalar, maximum, minimum, sqrt
 from articulated.simulation.contact.gaps import gaps
 from articulated.simulation.contact.meeting import touches
 from articulated.simulation.implicit.terms import SLIP_SPEED
+from articulated.simulation.rooms import rooms
 from articulated.simulation.scene import Drives, Numbers, Scene
 from articulated.spatial import Force, Motion, Vec3
 
@@ -47,7 +48,7 @@ def compliance(
     """What it gives at q and v, for drives that are so far from their targets, and height fields of these heights."""
     m = scene.mechanism
     tau: list[Scalar] = [0.0] * m.nv
-    for room in scene.room(q):
+    for room in rooms(scene, q):
         stiffness, dissipation = numbers.stop_stiffness / room.w, numbers.stop_dissipation
         speed = sum((x * v[s] for s, x in room.direction.items()), 0.0)
         for sign, left in room.ends:

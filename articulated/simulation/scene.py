@@ -20,18 +20,16 @@ from articulated.dynamics.mass_matrix import mass_matrix
 from articulated.dynamics.mechanism import WORLD, Mechanism, TreeJoint, content, mechanism
 from articulated.dynamics.together import fill
 from articulated.dynamics.tree import Tree, tree
-from articulated.rig import Rig
-from articulated.scalar import Scalar, sqrt
+from articulated.rig import Limits, Rig
+from articulated.scalar import Scalar
 from articulated.simulation.contact.candidates import Candidate
 from articulated.simulation.contact.meeting import Pair, count
 from articulated.simulation.contact.pieces import Piece, stand
 from articulated.simulation.contact.surfaces import HeightField, Solid
 from articulated.spatial import Vec3
-from articulated.spatial.rotation import quaternion_log
 
 _UNLIMITED = 1e6
 """A position limit beyond this [rad or m] is a file's way to say that there is none."""
-_TINY = 1e-20
 MOST_FILL = 22_000
 """Multiply-adds for factoring a step's linear system, of fifty coordinates that all touch each other: beyond, it is solved by
 conjugate gradients."""
@@ -43,21 +41,6 @@ class Drives:
 
     coordinates: tuple[int, ...]
     limited: bool
-
-
-@dataclass(frozen=True, eq=False)
-class Room:
-    """How far a joint is from its stops.
-
-    Attributes:
-        direction: in which its coordinates move towards or from them: a speed is Σ c_s v_s.
-        ends: the sign of the direction in which each stop pushes, and the room left before it [rad or m].
-        w: how much velocity an impulse gives [1/kg or 1/(kg m²)].
-    """
-
-    direction: dict[int, Scalar]
-    ends: tuple[tuple[float, Scalar], ...]
-    w: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +90,7 @@ class Scene:
         surfaces = [(s.heights.shape, s.spacing, s.origin) if isinstance(s, HeightField) else s for s in self.surfaces]
         parts = surfaces, self.candidates, self.material, self.materials, self.velocity, self.rebounds, self.stops
         limits = [(self.rig.lower[s], self.rig.upper[s]) for s in self.stopped]
-        limits += [(joint.name, self.rig.joints[joint.name].limits.upper) for joint in self.cones]
+        limits += [(joint.name, (own := self.rig.joints[joint.name].limits).upper, own.ball) for joint in self.cones]
         parts = *parts, self.drives, limits, self.loops, self.ropes, self.pieces, self.pairs, self.iterates, self.carriers
         return repr(parts).encode() + content(self.rig)
 
@@ -198,23 +181,7 @@ class Scene:
         """Ball joints that may only turn so far, which is enforced."""
         joints = self.rig.joints
         balls = [j for j in self.mechanism.own_joints() if joints[j.name].kind == "ball"]
-        return [j for j in balls if self.stops and joints[j.name].limits.upper < math.pi]
-
-    def room(self, q: Sequence[Scalar]) -> list[Room]:
-        """Of all stops, coordinates' before ball joints'."""
-        lower, upper = self.rig.lower, self.rig.upper
-        at = {s: k for j in self.mechanism.own_joints() if len(j.q) == len(j.v) for s, k in zip(j.v, j.q, strict=True)}
-        rooms = []
-        for s in self.stopped:
-            ends = (1.0, q[at[s]] - float(lower[s])), (-1.0, float(upper[s]) - q[at[s]])
-            rooms.append(Room({s: 1.0}, ends, self.joint_felt([s])))
-        for joint in self.cones:
-            turn = quaternion_log(joint.configuration(q))
-            angle = sqrt(turn.dot(turn) + _TINY)
-            direction = dict(zip(joint.v, turn * (1.0 / angle), strict=True))
-            left = self.rig.joints[joint.name].limits.upper - angle
-            rooms.append(Room(direction, ((-1.0, left),), self.joint_felt(joint.v)))
-        return rooms
+        return [j for j in balls if self.stops and _ends(joints[j.name].limits)]
 
     def felt(self, n: int) -> float:
         """How much velocity an impulse at the n-th contact gives, on average over directions, the rig neutral [1/kg]."""
@@ -295,6 +262,11 @@ class Scene:
         M = np.empty((m.nv, m.nv))
         evaluate(lambda q: mass_matrix(m, q), [(self.rig.neutral(), 1)], M, ())
         return np.linalg.inv(M)
+
+
+def _ends(limits: Limits) -> bool:
+    """Whether a ball joint may not turn all the way."""
+    return limits.upper < math.pi or (limits.ball is not None and (limits.ball.swings or limits.ball.twists))
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from articulated.dynamics.swing_twist import stops_of
 from articulated.rig import Rig
 
 if TYPE_CHECKING:
@@ -171,6 +172,10 @@ def _limit_violation(rig: Rig, q: np.ndarray) -> float:
             continue
         own = q[..., joint.q_slice]
         if joint.kind == "ball":
+            if joint.limits.ball is not None:
+                lefts = [left for _, ends in stops_of(joint.limits.ball, list(np.moveaxis(own, -1, 0))) for _, left in ends]
+                worst = max([worst, *(float((-left).max(initial=0.0)) for left in lefts)])
+                continue
             turn = 2.0 * np.arctan2(np.linalg.norm(own[..., :3], axis=-1), np.abs(own[..., 3]))
             beyond = turn - joint.limits.upper
         else:

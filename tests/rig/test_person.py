@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import articulated as art
+from articulated.dynamics.swing_twist import tilt_and_twist
 from articulated.rig.anthropometry import MEAN_HEIGHT, MEAN_MASS, other_ends, segments
 
 PEOPLE = [(1.75, 70.0, "male"), (1.62, 58.0, "female"), (1.1, 18.0, "female"), (2.1, 140.0, "male"), (1.6, 150.0, "female")]
@@ -39,6 +41,15 @@ def corners(rig: art.Rig, name: str) -> np.ndarray:
     else:
         ends = np.array([[0.0, 0.0, sign * (0.5 * shape.geometry.length + shape.geometry.radius)] for sign in (-1.0, 1.0)])
     return ends @ X[:3, :3].T + X[:3, 3]
+
+
+def allowed(joint: art.Joint, axis, degrees: float) -> bool:
+    """Whether a ball joint may turn so, from neutral."""
+    limits = joint.limits.ball
+    quat_xyzw = Rotation.from_rotvec(np.radians(degrees) * np.array(axis, dtype=float)).as_quat()
+    one, other, twist = (float(x) for x in tilt_and_twist(limits, quat_xyzw))
+    swing = np.hypot(one / limits.swing[0 if one > 0 else 1], other / limits.swing[2 if other > 0 else 3])
+    return bool(swing <= 1.0 and limits.twist[0] <= twist <= limits.twist[1])
 
 
 @pytest.mark.parametrize(("height", "mass", "sex"), PEOPLE)
@@ -173,11 +184,50 @@ class TestRig:
 
     def test_limits_hold_the_neutral_pose(self):
         rig = art.person()
-        q = rig.neutral()
-        v = art.difference(rig, rig.neutral(), q)
-        assert np.all(rig.lower <= v)
-        assert np.all(v <= rig.upper)
-        np.testing.assert_allclose(rig.upper[rig.joints["left_knee"].v_slice], np.radians(135.0))
+        for joint in rig.joints.values():
+            if joint.kind == "ball":
+                assert allowed(joint, (1.0, 0.0, 0.0), 0.0)
+            elif joint.kind != "floating":
+                assert joint.limits.lower <= 0.0 <= joint.limits.upper
+
+    @pytest.mark.parametrize(
+        ("joint", "axis", "most"),
+        [
+            ("hip", (0, -1, 0), 120),  # flexion
+            ("hip", (0, 1, 0), 30),  # extension
+            ("hip", (1, 0, 0), 45),  # abduction
+            ("hip", (-1, 0, 0), 30),  # adduction
+            ("hip", (0, 0, 1), 45),  # outwards
+            ("hip", (0, 0, -1), 45),  # inwards
+            ("shoulder", (0, 0, -1), 130),  # forwards
+            ("shoulder", (0, 0, 1), 45),  # back
+            ("shoulder", (1, 0, 0), 90),  # up: 180 from hanging
+            ("shoulder", (-1, 0, 0), 100),  # down
+            ("shoulder", (0, -1, 0), 90),  # forearm up: outwards
+            ("shoulder", (0, 1, 0), 70),  # forearm down: inwards
+            ("waist", (0, 1, 0), 40),  # forwards
+            ("waist", (0, -1, 0), 12.5),
+            ("waist", (1, 0, 0), 17.5),
+            ("spine", (0, 0, 1), 22.5),
+            ("neck", (0, 1, 0), 45),
+            ("neck", (0, 0, -1), 60),
+        ],
+    )
+    def test_ranges_of_motion(self, joint, axis, most):
+        """By a turn about a world axis of the left side, whose mirror image the right side can do."""
+        rig = art.person()
+        names = [joint] if joint in rig.joints else [f"left_{joint}", f"right_{joint}"]
+        for name, mirror in zip(names, ((1, 1, 1), (-1, 1, -1)), strict=False):
+            turn = np.array(axis) * mirror  # axes of turns mirror the other way
+            assert allowed(rig.joints[name], turn, most - 0.1)
+            assert not allowed(rig.joints[name], turn, most + 0.1)
+
+    def test_hinges(self):
+        rig = art.person()
+        for name, lower, upper in (("elbow", 0, 150), ("knee", 0, 135), ("wrist", -50, 50), ("ankle", -30, 30)):
+            limits = rig.joints[f"left_{name}"].limits
+            np.testing.assert_allclose((limits.lower, limits.upper), np.radians((lower, upper)))
+            assert rig.joints[f"right_{name}"].limits == limits
 
     @pytest.mark.parametrize("root", ["fixed", "free", "planar"])
     def test_comes_back_from_urdf(self, root):

@@ -1,8 +1,8 @@
 """URDF, versions 1.0 to 1.2, read strictly: every error names file, line and element.
 
 Beyond the standard: joint types `ball` (also called `spherical`) and `universal` (`<axis>` and a second `<axis2>`), and an
-`armature` beside damping and friction in `<dynamics>`; closed loops, see `constraints`; pairs of links that
-may not collide, see `srdf`. Read with lxml: yourdfpy keeps neither lines nor these additions.
+`armature` beside damping and friction in `<dynamics>`; `<swing_twist>`, the limits of a ball joint; closed loops, see
+`constraints`; pairs of links that may not collide, see `srdf`. Read with lxml: yourdfpy keeps neither lines nor these.
 """
 
 from __future__ import annotations
@@ -19,10 +19,12 @@ from articulated.rig.builder import RigBuilder
 from articulated.rig.errors import Place, RigError
 from articulated.rig.joint import ALIASES, Limits, Mimic
 from articulated.rig.shapes import PLAIN_SHAPES, Box, Capsule, Cylinder, Geometry, Mesh, Shape, Sphere
+from articulated.rig.swing_twist import SwingTwist
 from articulated.rig.urdf import files
 from articulated.rig.urdf.constraints import BALL, read_constraints
 from articulated.rig.urdf.origin import origin_of
 from articulated.rig.urdf.srdf import DEFAULT, DISABLE, ENABLE, read_collisions
+from articulated.rig.urdf.writer import SWING_TWIST
 from articulated.rig.urdf.xml import Node, check_expanded, count_strangers, parse
 
 Color = tuple[float, float, float, float]
@@ -30,7 +32,7 @@ Color = tuple[float, float, float, float]
 _MEANINGFUL = {
     "robot": {"link", "joint", "material", "constraint", BALL, DEFAULT, ENABLE, DISABLE},
     "link": {"inertial", "collision", "visual"},
-    "joint": {"origin", "parent", "child", "axis", "axis2", "limit", "dynamics", "mimic"},
+    "joint": {"origin", "parent", "child", "axis", "axis2", "limit", "dynamics", "mimic", SWING_TWIST},
 }
 _OF_OTHERS = {
     "robot": {"gazebo", "transmission", "sensor", "ros2_control", "group_state", "verbose"},
@@ -188,11 +190,11 @@ class _Reader:
         )
 
     def _limits(self, node: Node, kind: str) -> Limits:
-        limit = node.child("limit")
+        limit, ball = node.child("limit"), self._swing_twist(node)
         if limit is None:
             if kind in ("revolute", "prismatic"):
                 node.place.warn("has no <limit>", "it may move without end; say so with type continuous, or add limits")
-            return Limits()
+            return Limits(ball=ball)
         lower, upper = limit.number("lower", -math.inf), limit.number("upper", math.inf)
         if kind in ("revolute", "prismatic"):
             if lower == upper == 0.0:
@@ -203,7 +205,18 @@ class _Reader:
         elif kind == "continuous":
             lower, upper = -math.inf, math.inf
         rates = {key: limit.number(key, math.inf) for key in ("velocity", "acceleration", "deceleration", "jerk")}
-        return Limits(lower, upper, limit.number("effort", math.inf), **rates)
+        return Limits(lower, upper, limit.number("effort", math.inf), **rates, ball=ball)
+
+    def _swing_twist(self, node: Node) -> SwingTwist | None:
+        given = node.child(SWING_TWIST)
+        if given is None:
+            return None
+        known = SwingTwist()
+        numbers = {name: given.numbers(name, len(value), value) for name, value in vars(known).items()}
+        try:
+            return SwingTwist(**numbers)  # type: ignore[arg-type]
+        except ValueError as error:
+            raise given.place.error(str(error)) from None
 
     def _rgba(self, node: Node) -> Color:
         r, g, b, a = node.numbers("rgba", 4)

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
 
 _TINY = 1e-13
 
+SWING_TWIST = "swing_twist"
+"""The element of a ball joint that says how far it may swing and twist; see `SwingTwist`."""
+
 CONSTRAINTS = {"spherical": "point", "revolute": "hinge", "prismatic": "slider", "universal": "universal", "link": "weld"}
 """Types of `<constraint>`, and our kinds of loops; a type may also end in _joint."""
 
@@ -85,9 +88,12 @@ def _add_joint(robot: etree._Element, joint: Joint | FixedJoint) -> None:
     etree.SubElement(element, "axis", xyz=_words(joint.axis))
     if joint.axis2 is not None:
         etree.SubElement(element, "axis2", xyz=_words(joint.axis2))
-    limits = {key: value for key, value in vars(joint.limits).items() if math.isfinite(value)}
+    limits = {key: value for key, value in vars(joint.limits).items() if key != "ball" and math.isfinite(value)}
     if limits or joint.kind in ("revolute", "prismatic"):
         etree.SubElement(element, "limit", {key: _words([value]) for key, value in limits.items()})
+    if (ball := joint.limits.ball) is not None:
+        numbers = {name: _words(getattr(ball, name)) for name in ("axis", "toward", "swing", "twist")}
+        etree.SubElement(element, SWING_TWIST, numbers)
     passive = {key: getattr(joint, key) for key in ("damping", "friction", "armature") if getattr(joint, key)}
     if passive:
         etree.SubElement(element, "dynamics", {key: _words([value]) for key, value in passive.items()})

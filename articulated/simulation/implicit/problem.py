@@ -18,6 +18,7 @@ from articulated.simulation.implicit.momentum import Past
 from articulated.simulation.implicit.stance import Stance, Standing, rubbing
 from articulated.simulation.implicit.terms import NEAR_RIGID, SLIP_SPEED, Contact, JointTerm
 from articulated.simulation.implicit.values import Terms
+from articulated.simulation.rooms import rooms
 from articulated.simulation.scene import Numbers, Scene
 from articulated.spatial import Motion, Vec3
 
@@ -80,7 +81,7 @@ def joint_terms(scene: Scene, now: Tree, start: Standing, forces: Forces, h: Sca
     stops: dict[int, tuple[tuple[float, Hinge], ...]] = {}
     near: dict[int, Scalar] = {}
     cones: list[JointTerm] = []
-    for room in scene.room(start.q):
+    for room in rooms(scene, start.q):
         stiffness, dissipation = numbers.stop_stiffness / room.w, numbers.stop_dissipation
         ends = tuple((sign, hinge(left, stiffness, dissipation, room.w, h)) for sign, left in room.ends)
         speed = dot(list(room.direction.values()), [start.v[s] for s in room.direction])
