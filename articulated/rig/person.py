@@ -60,9 +60,9 @@ def person(height: float = 1.75, mass: float = 70.0, sex: str = "male", *, root:
         q0 = rig.neutral()
         q0[2] = art.standing_height(rig)  # soles on the ground
 
-    Links: pelvis, abdomen, torso, head, and left_ and right_ upper_arm, forearm, hand, thigh, shin, foot. Joints: balls at waist,
-    spine, neck, shoulders and hips, hinges at elbows and knees, two axes at wrists and ankles; a positive elbow or knee is bent.
-    Each link's frame is at the joint that moves it; the root's, the pelvis's, is midway between the hips.
+    Links: pelvis, abdomen, torso, head, and left_ and right_ upper_arm, forearm, hand, thigh, shin, foot. Joints: balls at
+    waist, spine, neck, shoulders and hips, hinges at elbows and knees, two axes at wrists and ankles; a positive elbow or
+    knee is bent. Each link's frame is at the joint that moves it; the root's, the pelvis's, is midway between the hips.
 
     Its shapes are boxes and capsules of the segments' lengths, and of the breadths and radii at which they have the density
     of water. Joints are damped a little. Both axes of a wrist or of an ankle have one range, the mean of the four published.

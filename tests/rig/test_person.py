@@ -161,6 +161,16 @@ class TestAgainstTheTable:
         waist = rig.joints["waist"].pose[2, 3]
         assert rig.links["pelvis"].center[2] / waist == pytest.approx(1.0 - rows["lower_trunk"].center)
 
+    def test_feet(self, sex):
+        """The ankle stands over the first quarter of the foot, 0.039 of the height above the sole."""
+        rig = art.person(MEAN_HEIGHT[sex], MEAN_MASS[sex], sex)
+        row, foot, box = segments(sex)["foot"], rig.links["left_foot"], corners(rig, "left_foot")
+        ankle = rig.neutral()[0]
+        assert (box[:, 0].min(), box[:, 0].max()) == pytest.approx((ankle - 0.25 * row.length, ankle + 0.75 * row.length))
+        assert foot.center[0] == pytest.approx((row.center - 0.25) * row.length)
+        legs = -rig.joints["left_knee"].pose[2, 3] - rig.joints["left_ankle"].pose[2, 3]
+        assert art.standing_height(rig) - legs == pytest.approx(0.039 * MEAN_HEIGHT[sex])
+
     def test_centre_of_mass(self, sex):
         """Arms out it is a little above the usual 55 to 57 % of the height: of arms that hang."""
         rig = art.person(MEAN_HEIGHT[sex], MEAN_MASS[sex], sex)
@@ -251,7 +261,7 @@ class TestRig:
         assert np.isfinite(run.q).all()
         energy = art.kinetic_energy(rig, run.q, run.v) + art.potential_energy(rig, run.q)
         assert np.abs(run.v).max() < 100.0
-        assert (energy <= energy[:, :1] + 30.0).all()
+        assert (energy <= energy[:, :1] + 1.0).all()
         z = art.link_poses(rig, run.q)[..., 2, 3]
         assert z.min() > -0.05
         assert z[0, 5, 0] == pytest.approx(
