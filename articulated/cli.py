@@ -102,6 +102,9 @@ def _rig_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mesh-dir", action="append", default=[], metavar="DIR", help="where to look for meshes and packages")
     parser.add_argument("--srdf", metavar="FILE", help="an SRDF file: which links never touch each other")
     parser.add_argument("--repair-inertia", action="store_true", help="replace impossible inertias by the nearest possible")
+    add = parser.add_argument
+    add("--density", type=_positive(float), metavar="X", help="weigh links without an inertial by their shapes [kg/m³]")
+    add("--total-mass", type=_positive(float), metavar="KG", help="scale all masses so that what moves weighs this")
     for what, unit in (("damping", "N m s/rad or N s/m"), ("friction", "N m or N"), ("armature", "kg m² or kg")):
         parser.add_argument(f"--{what}", type=float, metavar="X", help=f"give every joint this {what} [{unit}]")
 
@@ -207,7 +210,8 @@ def _check(options: argparse.Namespace) -> int:
     from articulated.crosscheck import PinocchioModel, compare
 
     rig = _load(options)
-    changed = options.repair_inertia or any(getattr(options, what) is not None for what in ("damping", "friction", "armature"))
+    given = (options.density, options.total_mass, options.damping, options.friction, options.armature)
+    changed = options.repair_inertia or any(value is not None for value in given)
     extended = any(joint.kind in ("ball", "universal") for joint in rig.joints.values())
     if changed or extended or rig.nv == 0:
         reference, how = PinocchioModel.from_rig(rig), "built joint by joint from the rig"
@@ -240,7 +244,13 @@ def _rigs(options: argparse.Namespace) -> int:
 
 def _load(options: argparse.Namespace) -> art.Rig:
     rig = art.load(
-        options.rig, options.root, mesh_dirs=options.mesh_dir, srdf=options.srdf, repair_inertia=options.repair_inertia
+        options.rig,
+        options.root,
+        mesh_dirs=options.mesh_dir,
+        srdf=options.srdf,
+        repair_inertia=options.repair_inertia,
+        density=options.density,
+        total_mass=options.total_mass,
     )
     given = {what: getattr(options, what) for what in ("damping", "friction", "armature")}
     return rig.with_joints(**{what: value for what, value in given.items() if value is not None})

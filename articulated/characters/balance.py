@@ -48,38 +48,41 @@ class Stander:
 
     def __call__(self, time: float, state: State) -> Command:
         """The pose, and forces besides."""
-        return Command(self.pose, tau=self.balance(state, np.ones(len(self.feet))))
+        return Command(self.pose, tau=self.balance(state, self.pose, np.zeros(self.rig.nv), np.ones(len(self.feet))))
 
-    def balance(self, state: State, share: np.ndarray) -> np.ndarray:
-        """Joint forces that bring the centre of mass above the middle of the feet that carry, shape (..., nv) [N m].
+    def balance(self, state: State, q: np.ndarray, v: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """Joint forces that bring the centre of mass where a pose has it, seen from the feet that carry, shape (..., nv) [N m].
 
         Args:
             state: now.
+            q, v: the pose, and how fast it changes, shapes (nq,) and (nv,).
             share: of each foot, how much it carries, shape (n,).
         """
-        rig, q, v = self.rig, state.q, state.v
-        X = link_poses(rig, q)
-        soles = [(X[..., f.index, :3, :3] @ p) + X[..., f.index, :3, 3] for f, p in zip(self.feet, self.points, strict=True)]
-        weights = share / share.sum()
-        middle = sum(w * sole for w, sole in zip(weights, soles, strict=True))
-        error = center_of_mass(rig, q)[..., :2] - middle[..., :2]
-        J = center_jacobian(rig, q)
-        speed = (J @ v[..., None])[..., 0]
-        force = np.zeros((*q.shape[:-1], 3))
-        force[..., :2] = -rig.mass * (self.stiffness * error + self.damping * speed[..., :2])
-        tau = np.zeros((*q.shape[:-1], rig.nv))
-        for foot, point, w in zip(self.feet, self.points, weights, strict=True):
-            relative = J - jacobian(rig, q, foot.name, point=point)[..., :3, :]
-            tau += w * np.einsum("...ij,...i->...j", relative, force)
+        rig, weights = self.rig, share / share.sum()
+        place, rate, _ = self._above(q, v, weights)
+        here, speed, J = self._above(state.q, state.v, weights)
+        force = np.zeros((*state.q.shape[:-1], 3))
+        force[..., :2] = rig.mass * (self.stiffness * (place - here) + self.damping * (rate - speed))
+        tau = np.einsum("...ij,...i->...j", J, force)
         for joint in rig.joints.values():
             if rig.is_root(joint):
                 tau[..., joint.v_slice] = 0.0  # that is the ground's part
         return tau
 
+    def _above(self, q: np.ndarray, v: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The centre of mass from the middle of the feet, how fast it moves, both in x and y, and its Jacobian in all three."""
+        X = link_poses(self.rig, q)
+        place, J = center_of_mass(self.rig, q), center_jacobian(self.rig, q)
+        for foot, point, w in zip(self.feet, self.points, weights, strict=True):
+            place = place - w * (X[..., foot.index, :3, :3] @ point + X[..., foot.index, :3, 3])
+            J = J - w * jacobian(self.rig, q, foot.name, point=point)[..., :3, :]
+        return place[..., :2], np.einsum("...ij,...j->...i", J, v)[..., :2], J
+
 
 def center_jacobian(rig: Rig, q: np.ndarray) -> np.ndarray:
     """How coordinates move the centre of mass, in the world, shape (..., 3, nv)."""
-    unit = momentum(rig, q[..., None, :], np.eye(rig.nv))[..., :3] / rig.mass
+    linear, _ = np.split(np.asarray(momentum(rig, q[..., None, :], np.eye(rig.nv))), 2, axis=-1)
+    unit = linear / rig.mass
     return np.swapaxes(unit, -1, -2)
 
 

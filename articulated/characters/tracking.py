@@ -60,8 +60,8 @@ class Tracker:
 
     A drive aims at where the motion will be at the end of the control period, and as fast as it will move there. Stiffness
     falls with a joint's strength, damping with the square root of that. A prescribed joint follows exactly, whatever it takes.
-    The root of a free rig is a joint like others, if the simulation's `PD` has help for it. What has been asked for is kept here:
-    a tracker belongs to one run at a time.
+    The root of a free rig is a joint like others, if the simulation's `PD` has help for it. What has been asked for is kept
+    here: a tracker belongs to one run at a time.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Tracker:
         start: float = 0.0,
         velocity: bool = True,
     ):
-        """Follow a motion, or hold a pose, from time `start` on; over and over if it is to `loop`; with its velocities, or without.
+        """Follow a motion, or hold a pose, from time `start` on; over and over if it is to `loop`.
 
         Raises:
             ValueError: the simulation has no drives, or the motion is another rig's.

@@ -8,8 +8,10 @@ from articulated.rig.load import load, shipped_rigs
 from articulated.rig.loop import Loop
 from articulated.rig.loose import loose_body
 from articulated.rig.mass import MassProperties, mass_properties
+from articulated.rig.person import person
 from articulated.rig.rig import Body, Link, Rig
-from articulated.rig.shapes import Box, Capsule, Cylinder, Mesh, Shape, Sphere
+from articulated.rig.shapes import Box, Capsule, Cone, Cylinder, Ellipsoid, Hollow, Mesh, Shape, Sphere
+from articulated.rig.standing import standing_height
 from articulated.rig.swing_twist import SwingTwist
 
 __all__ = [
@@ -17,7 +19,10 @@ __all__ = [
     "Body",
     "Box",
     "Capsule",
+    "Cone",
     "Cylinder",
+    "Ellipsoid",
+    "Hollow",
     "Joint",
     "Limits",
     "Link",
@@ -36,5 +41,7 @@ __all__ = [
     "load",
     "loose_body",
     "mass_properties",
+    "person",
     "shipped_rigs",
+    "standing_height",
 ]

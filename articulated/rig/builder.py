@@ -19,6 +19,7 @@ from articulated.rig.joint import ALIASES, Limits, Mimic
 from articulated.rig.loop import Loop
 from articulated.rig.rig import Rig
 from articulated.rig.shapes import Geometry, Shape
+from articulated.rig.weight import filled, scaled
 
 
 class RigBuilder:
@@ -167,26 +168,43 @@ class RigBuilder:
         place = place or Place(self.source or f"rig {self.name!r}", what)
         self._collision_rules.append(CollisionRule(link1, link2, collide, place))
 
-    def build(self, root: str = "fixed", *, repair_inertia: bool = False) -> Rig:
+    def build(
+        self,
+        root: str = "fixed",
+        *,
+        repair_inertia: bool = False,
+        density: float | None = None,
+        total_mass: float | None = None,
+        repair_mesh: str | None = "hull",
+    ) -> Rig:
         """The rig of these links and joints.
 
         Args:
             root: "fixed" to the world, "free" or "planar" (in the world's x-y plane).
             repair_inertia: replace an impossible inertia by the nearest possible one instead of refusing it.
+            density: of links that have collision shapes but no mass [kg/m³]: they get that of these shapes, and a `RigWarning`
+                names them. Links without collision shapes stay mere frames.
+            total_mass: of everything that moves [kg]: all masses and inertias are multiplied alike to make it so, those of
+                links fixed to the world too, which do not count in it (see `Rig.mass`).
+            repair_mesh: what a collision mesh that bounds no solid weighs, if it has to; see `mass_properties`.
 
         Raises:
-            RigError: they do not form a tree, a mimic leads nowhere, an inertia is impossible, a joint moves no mass, or a loop
-                does not fit.
-            ValueError: `root` is not one of these.
+            RigError: they do not form a tree, a mimic leads nowhere, an inertia is impossible, a joint moves no mass, a loop
+                does not fit, or a link cannot be weighed.
+            ValueError: `root` is not one of these, the density or the mass is not a positive number, or nothing moves that
+                could have this mass.
         """
         if root not in ("fixed", "free", "planar"):
             raise ValueError(f"root is {root!r}; expected 'fixed', 'free' or 'planar'")
-        rig = assemble(self.name, self.place, self._links, self._joints, root, repair_inertia, self.source, self.ignored)
+        links = self._links if density is None else filled(self._links, density, repair_mesh, self.place)
+        rig = assemble(self.name, self.place, links, self._joints, root, repair_inertia, self.source, self.ignored)
         for loop, place in self._loops:
             try:
                 check_loop(rig, loop)
             except ValueError as error:
                 raise place.error(str(error).removeprefix(f"{loop}: "), "correct the loop") from None
+        if total_mass is not None:
+            rig = scaled(rig, total_mass)
         loops = tuple(loop for loop, _ in self._loops)
         return replace(rig, loops=loops, disabled_collisions=disabled_pairs(tuple(rig.links), self._collision_rules))
 

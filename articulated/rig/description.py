@@ -10,7 +10,21 @@ import numpy as np
 
 from articulated.rig.errors import Place
 from articulated.rig.joint import ALIASES, KINDS, Limits, Mimic
-from articulated.rig.shapes import Box, Geometry, Mesh, Shape, Sphere, dimensions
+from articulated.rig.shapes import (
+    Box,
+    Capsule,
+    Cone,
+    Cylinder,
+    Ellipsoid,
+    Geometry,
+    Hollow,
+    Mesh,
+    Shape,
+    Solid,
+    Sphere,
+    dimensions,
+    thickest_wall,
+)
 from articulated.rig.swing_twist import SwingTwist
 
 FARTHEST = 50.0
@@ -105,14 +119,29 @@ def check_joint(joint: JointDescription) -> None:
 
 
 def check_shape(place: Place, shape: Shape) -> None:
-    """Refuse what no shape can be; warn of what it hardly is."""
+    """Refuse what no shape of a link can be; warn of what it hardly is."""
     geometry = shape.geometry
+    if isinstance(geometry, Solid):
+        raise place.error(
+            f"a {type(geometry).__name__} can be weighed, but it is no shape of a link",
+            f"give {stand_in(geometry)} as its shape, and mass, center and inertia from mass_properties",
+        )
     if not isinstance(geometry, Geometry):
         raise place.error(f"a geometry is {geometry!r}", "give a Sphere, Box, Cylinder, Capsule or Mesh")
+    check_lengths(place, shape)
+
+
+def check_lengths(place: Place, shape: Shape) -> None:
+    """Refuse what neither a shape nor a solid can measure; warn of what it hardly does."""
+    geometry, wall = shape.geometry, None
+    if isinstance(geometry, Hollow):
+        geometry, wall = geometry.geometry, geometry.wall
+        if not isinstance(geometry, Sphere | Box | Cylinder | Capsule | Cone | Ellipsoid):
+            raise place.error(f"Hollow of {geometry!r}", "give a Sphere, Box, Cylinder, Capsule, Cone or Ellipsoid")
     sizes = dimensions(geometry)
     kind = type(geometry).__name__.lower()
     _check_finite(place, f"pose of its {kind}", shape.pose)
-    wanted = {Sphere: 1, Box: 3, Mesh: 3}.get(type(geometry), 2)
+    wanted = {Sphere: 1, Box: 3, Mesh: 3, Ellipsoid: 3}.get(type(geometry), 2)
     if np.shape(sizes) != (wanted,) or not all(isinstance(size, Real) for size in sizes):
         raise place.error(f"{kind} has size {sizes}", f"give {wanted} number{'s' if wanted > 1 else ''}")
     if not all(abs(size) <= LARGEST for size in sizes):  # false for NaN
@@ -125,6 +154,19 @@ def check_shape(place: Place, shape: Shape) -> None:
         raise place.error(f"{kind} has size {sizes}", "give positive lengths in metres")
     if max(sizes) > FARTHEST:
         place.warn(f"{kind} is {max(sizes):g} m large", "units are metres; were these millimetres?")
+    if wall is not None and not (isinstance(wall, Real) and 0.0 < wall < thickest_wall(geometry)):  # false for NaN
+        limit = f"less than {thickest_wall(geometry):g} m, which would fill it"
+        raise place.error(f"{geometry} has a wall of {wall!r}", f"give more than zero and {limit}, or None for a thin shell")
+
+
+def stand_in(solid: Solid) -> str:
+    """What a link can have as its shape instead of a solid that can only be weighed."""
+    if isinstance(solid, Cone):
+        return "a Cylinder, or the path of a mesh"
+    if isinstance(solid, Ellipsoid):
+        return "a Sphere or a Capsule, or the path of a mesh"
+    outer = solid.geometry
+    return stand_in(outer) if isinstance(outer, Cone | Ellipsoid) else f"its {type(outer).__name__}"
 
 
 def second_moment(inertia: np.ndarray) -> np.ndarray:

@@ -22,6 +22,9 @@ def load(
     mesh_dirs: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
     repair_inertia: bool = False,
     srdf: str | bytes | os.PathLike[str] | None = None,
+    density: float | None = None,
+    total_mass: float | None = None,
+    repair_mesh: str | None = "hull",
 ) -> Rig:
     """A rig from URDF.
 
@@ -31,19 +34,24 @@ def load(
         mesh_dirs: where to look for mesh files and packages, beside the usual places. Dynamics need no meshes.
         repair_inertia: replace an inertia that no mass could have by the nearest that one could.
         srdf: path or text of an SRDF, whose pairs of links may not collide either; see `Rig.disabled_collisions`.
+        density: of links that have collision shapes but no <inertial> [kg/m³]: they get that of these shapes, and a
+            `RigWarning` names them. Links without collision shapes stay mere frames, and an <inertial> is kept.
+        total_mass: of everything that moves [kg]: all masses and inertias are multiplied alike to make it so; see
+            `RigBuilder.build`.
+        repair_mesh: what a collision mesh that bounds no solid weighs, if it has to; see `mass_properties`.
 
     Returns:
         The rig.
 
     Raises:
         RigError: the source cannot be read, or is not a rig that can move; it says where and what to do.
-        ValueError: `root` is none of these.
+        ValueError: `root` is none of these, or the density or the mass is not a positive number.
     """
     directories = [mesh_dirs] if isinstance(mesh_dirs, (str, os.PathLike)) else list(mesh_dirs)
     builder = read(source, [Path(directory) for directory in directories])
     if srdf is not None:
         _add_srdf(srdf, builder, [Path(directory) for directory in directories])
-    return builder.build(root, repair_inertia=repair_inertia)
+    return builder.build(root, repair_inertia=repair_inertia, density=density, total_mass=total_mass, repair_mesh=repair_mesh)
 
 
 def read(source: str | bytes | os.PathLike[str], mesh_dirs: Sequence[Path] = ()) -> RigBuilder:

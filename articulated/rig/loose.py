@@ -4,21 +4,22 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 
 from articulated.rig.builder import RigBuilder
 from articulated.rig.mass import mass_properties
 from articulated.rig.mesh import is_mesh
 from articulated.rig.rig import Rig
-from articulated.rig.shapes import Geometry, Shape, parts_of, shape_of
+from articulated.rig.shapes import Geometry, Hollow, Shape, parts_of, shape_of
 
 LINK = "body"
 """The one link of a loose body."""
 
-Solid = Geometry | Shape | str | os.PathLike[str]
+Part = Geometry | Hollow | Shape | str | os.PathLike[str]
 
 
 def loose_body(
-    geometry: Solid | Sequence[Solid],
+    geometry: Part | Sequence[Part],
     mass: float | None = None,
     density: float = 1000.0,
     *,
@@ -33,7 +34,8 @@ def loose_body(
     The link, "body", has the shapes as collisions and as visuals, and the `mass_properties` of all of them together.
 
     Args:
-        geometry: a Sphere, Box, Cylinder, Capsule or Mesh, a Shape, or the path of a mesh file; or a sequence of these.
+        geometry: a Sphere, Box, Cylinder, Capsule or Mesh, a Shape, or the path of a mesh file; or a sequence of these. A
+            Hollow weighs what its wall does, and touches and looks as its outside.
         mass: of all of it [kg]; None is density times volume. Scenery has none, whatever is given.
         density: [kg/m³], if no mass is given.
         name: of the rig; None is the geometry's kind: "sphere", "box", "cylinder", "capsule" or "mesh", or "body" of several.
@@ -49,6 +51,7 @@ def loose_body(
     if any(is_mesh(part) for part in parts):
         raise ValueError("a Trimesh has no file that a rig could name; export it to one and give its path")
     shapes = [shape_of(part) for part in parts]
+    weighed, shapes = shapes, [_outside(shape) for shape in shapes]
     kind = type(shapes[0].geometry).__name__.lower() if len(shapes) == 1 else LINK
     builder = RigBuilder(kind if name is None else name)
     if root == "fixed":
@@ -56,6 +59,10 @@ def loose_body(
         return builder.build(root)
     if mass == 0.0:
         raise ValueError("mass is 0; expected a positive number of kilograms for what moves: give one, or root='fixed'")
-    solid = mass_properties(shapes, density, mass=mass)
+    solid = mass_properties(weighed, density, mass=mass)
     builder.link(LINK, solid.mass, solid.center, solid.inertia, shapes, shapes)
     return builder.build(root)
+
+
+def _outside(shape: Shape) -> Shape:
+    return replace(shape, geometry=shape.geometry.geometry) if isinstance(shape.geometry, Hollow) else shape

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from articulated.rig.description import FARTHEST, second_moment
+from articulated.rig.description import FARTHEST, INERTIA_TOLERANCE, violation
 from articulated.rig.errors import Place, RigWarning
-from articulated.rig.moments import Moments
+from articulated.rig.moments import Moments, moments_within
 from articulated.rig.shapes import Mesh
 
 if TYPE_CHECKING:
@@ -26,6 +26,11 @@ _FLAT = 1e-6
 
 _SAME = 8
 """Vertices that agree to so many digits of the mesh's size are one."""
+
+REPAIRS = ("hull", "flip", None)
+"""What may be made of a mesh that bounds no solid; see `mass_properties`."""
+
+_INSIDE_OUT = "is inside out"
 
 _METRES = (None, "m", "meter", "meters", "metre", "metres")
 
@@ -64,19 +69,18 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     return mesh  # type: ignore[return-value]
 
 
-def mesh_moments(mesh: trimesh.Trimesh, scale: np.ndarray, place: Place) -> Moments:
-    """Of the solid in a mesh, or in its convex hull if the mesh is not closed, which is warned of.
+def mesh_moments(mesh: trimesh.Trimesh, scale: np.ndarray, place: Place, repair: str | None) -> Moments:
+    """Of the solid in a mesh, or in what a repair makes of a mesh that bounds none, which is warned of.
 
     Args:
         mesh: the triangles.
         scale: factors along its axes, shape (3,).
         place: what the mesh is called.
+        repair: one of `REPAIRS`.
 
     Raises:
-        ValueError: it is empty or flat, or a vertex is not finite.
+        ValueError: it is empty or flat, a vertex is not finite, or it has a fault that this repair does not mend.
     """
-    import trimesh
-
     triangles = np.asarray(mesh.triangles, dtype=float).reshape(-1, 3, 3)
     if not len(triangles):
         raise ValueError(f"{place.source}: this mesh has no triangles; mass properties need a solid: give a closed mesh")
@@ -95,11 +99,26 @@ def mesh_moments(mesh: trimesh.Trimesh, scale: np.ndarray, place: Place) -> Mome
         )
     faces = corners.reshape(-1, 3)
     if fault := _fault(triangles, faces):
+        triangles = _repaired(triangles, points, faces, fault, place, repair)
+    return moments_within(triangles).mapped(size * np.eye(3), center).mapped(np.diag(scale), np.zeros(3))
+
+
+def _repaired(
+    triangles: np.ndarray, points: np.ndarray, faces: np.ndarray, fault: str, place: Place, repair: str | None
+) -> np.ndarray:
+    """Triangles that bound a solid, from such as do not: their corners, seen from outside."""
+    import trimesh
+
+    if repair == "hull":
         place.warn(fault, "its convex hull is used for the mass properties: close the mesh, or give plain shapes")
-        triangles = trimesh.Trimesh(points, faces, process=False).convex_hull.triangles
-    solid = trimesh.triangles.mass_properties(triangles, density=1.0)
-    moments = Moments(float(solid.volume), np.asarray(solid.center_mass), second_moment(np.asarray(solid.inertia)))
-    return moments.mapped(size * np.eye(3), center).mapped(np.diag(scale), np.zeros(3))
+        return trimesh.Trimesh(points, faces, process=False).convex_hull.triangles
+    if repair == "flip" and fault == _INSIDE_OUT:
+        place.warn(fault, "its triangles are turned round for the mass properties: turn their corners in the file")
+        return triangles[:, ::-1]
+    remedy = "correct the mesh, or have its convex hull with repair_mesh='hull'"
+    if fault == _INSIDE_OUT:
+        remedy = "turn it in the file, or with repair_mesh='flip'"
+    raise ValueError(f"{place.source}: this mesh {fault}: it bounds no solid; {remedy}")
 
 
 def _fault(triangles: np.ndarray, faces: np.ndarray) -> str:
@@ -115,7 +134,12 @@ def _fault(triangles: np.ndarray, faces: np.ndarray) -> str:
     volume = np.linalg.det(triangles).sum() / 6.0
     if abs(volume) < _FLAT**2:
         return "encloses no volume"
-    return "is inside out" if volume < 0.0 else ""
+    if volume < 0.0:
+        return _INSIDE_OUT
+    moments = moments_within(triangles)
+    if violation(moments.inertia, moments.volume) > INERTIA_TOLERANCE:
+        return "has moments of inertia that violate the triangle inequality: some of it is inside out"
+    return ""
 
 
 def _check_size(mesh: trimesh.Trimesh, lengths: np.ndarray, place: Place) -> None:

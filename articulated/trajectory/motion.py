@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.signal import butter, sosfiltfilt
 
 from articulated.dynamics.boundary import Argument, checked
 from articulated.dynamics.functions import difference, integrate
@@ -111,6 +110,8 @@ class Motion:
         """
         if not 0.0 < cutoff < 0.5 * self.fps:
             raise ValueError(f"cutoff is {cutoff!r} Hz; expected more than 0, and less than half of {self.fps:g} fps")
+        from scipy.signal import butter
+
         sos = np.asarray(butter(2, cutoff, fs=self.fps, output="sos"))
         if len(self.q) < 10:
             raise ValueError(f"{len(self.q)} frames are too few to filter; expected 10 at least")
@@ -134,4 +135,6 @@ class Motion:
 
 
 def _through(sos: np.ndarray, values: np.ndarray) -> np.ndarray:
+    from scipy.signal import sosfiltfilt  # it takes a while
+
     return sosfiltfilt(sos, values, axis=0, padlen=min(len(values) - 1, 15))

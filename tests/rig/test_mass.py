@@ -6,6 +6,7 @@ import itertools
 import warnings
 
 import numpy as np
+import pinocchio as pin
 import pytest
 import trimesh
 from hypothesis import given, settings
@@ -300,3 +301,52 @@ class TestErrors:
                 art.mass_properties(tmp_path / name)
         with pytest.raises(ValueError, match=r"gone\.stl: no such file; give the path of a mesh"):
             art.mass_properties(art.Mesh("gone.stl", path=tmp_path / "gone.stl"))
+
+
+class TestSolids:
+    def test_against_pinocchio(self):
+        for shape, reference in (
+            (art.Sphere(0.3), pin.Inertia.FromSphere(2.0, 0.3)),
+            (art.Box((0.2, 0.3, 0.5)), pin.Inertia.FromBox(2.0, 0.2, 0.3, 0.5)),
+            (art.Cylinder(0.3, 0.8), pin.Inertia.FromCylinder(2.0, 0.3, 0.8)),
+            (art.Capsule(0.3, 0.8), pin.Inertia.FromCapsule(2.0, 0.3, 0.8)),
+            (art.Ellipsoid((0.2, 0.3, 0.5)), pin.Inertia.FromEllipsoid(2.0, 0.2, 0.3, 0.5)),
+        ):
+            got = art.mass_properties(shape, mass=2.0)
+            np.testing.assert_allclose(got.inertia, reference.inertia, rtol=1e-13, atol=1e-16, err_msg=str(shape))
+            np.testing.assert_array_equal(got.center, reference.lever)
+
+    def test_volumes(self):
+        for shape, volume in (
+            (art.Sphere(0.3), 4 / 3 * np.pi * 0.027),
+            (art.Cone(0.3, 0.8), np.pi * 0.09 * 0.8 / 3),
+            (art.Ellipsoid((0.2, 0.3, 0.5)), 4 / 3 * np.pi * 0.03),
+            (art.Capsule(0.3, 0.8), np.pi * 0.09 * 1.2),
+        ):
+            assert art.mass_properties(shape, 1.0).mass == pytest.approx(volume, rel=1e-13)
+
+    def test_cone(self):
+        """Its apex is up, its centre a quarter of its height above its base; 3/10 m r², 3/20 m r² + 3/80 m h²."""
+        got = art.mass_properties(art.Cone(0.3, 0.8), mass=2.0)
+        across = 2.0 * (3 / 20 * 0.09 + 3 / 80 * 0.64)
+        np.testing.assert_allclose(got.center, [0.0, 0.0, -0.4 + 0.2], rtol=1e-13)
+        np.testing.assert_allclose(got.inertia, np.diag([across, across, 2.0 * 0.3 * 0.09]), rtol=1e-13)
+        mesh = trimesh.creation.cone(0.3, 0.8, sections=400).apply_translation([0.0, 0.0, -0.4])
+        same(got, art.mass_properties(mesh, mass=2.0), 1e-3)
+
+    def test_a_cone_is_cut_into_a_cone_and_slices(self):
+        """Its upper half is a cone of half the size; the rest, by Simpson's rule, which is exact for r² of z."""
+        whole, top = art.mass_properties(art.Cone(0.4, 1.0), 1.0), art.mass_properties(art.Cone(0.2, 0.5), 1.0)
+        below = whole.mass - top.mass
+        assert below == pytest.approx(np.pi * 0.5 / 6 * (0.2**2 + 4 * 0.3**2 + 0.4**2), rel=1e-13)
+
+    @pytest.mark.parametrize("kind", ["Cone", "Ellipsoid", "Hollow"])
+    def test_no_link_can_have_it(self, kind):
+        solid = {"Cone": art.Cone(0.1, 0.2), "Ellipsoid": art.Ellipsoid((0.1, 0.2, 0.3)), "Hollow": art.Hollow(BOX)}[kind]
+        instead = {"Cone": "a Cylinder, or the path of a mesh", "Ellipsoid": "a Sphere or a Capsule", "Hollow": "its Box"}[kind]
+        message = rf"link 'a': a {kind} can be weighed, but it is no shape of a link; give {instead}.* from mass_properties"
+        for shapes in ({"collisions": [solid]}, {"visuals": [art.Shape(solid)]}):
+            with pytest.raises(art.RigError, match=message):
+                art.RigBuilder().link("a", 1.0, inertia=(1.0, 1.0, 1.0), **shapes)
+        with pytest.raises(ValueError, match=rf"a {kind} can be weighed|Cone"):
+            art.loose_body(art.Hollow(art.Cone(0.1, 0.2), 0.01) if kind == "Hollow" else solid)
