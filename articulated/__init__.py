@@ -3,7 +3,19 @@
 URDF in, trajectory out. See README.md for a start, and the docstrings of what is listed here for everything else.
 """
 
-from articulated.characters import Pushes, Reached, Stander, Stepper, Tracker, reach, tuned
+from articulated.characters import (
+    Audit,
+    Pushes,
+    Reached,
+    Stander,
+    Tracker,
+    audit,
+    fit_swing_twist,
+    from_bvh,
+    grounded,
+    reach,
+    tuned,
+)
 from articulated.dynamics.boundary import GRAVITY
 from articulated.dynamics.functions import (
     bias_forces,
@@ -92,6 +104,7 @@ __all__ = [
     "INTEGRATORS",
     "PD",
     "AssemblyError",
+    "Audit",
     "Box",
     "Capsule",
     "Check",
@@ -133,12 +146,12 @@ __all__ = [
     "Stairs",
     "Stander",
     "State",
-    "Stepper",
     "Stops",
     "SwingTwist",
     "Tracker",
     "Trajectory",
     "assemble",
+    "audit",
     "bias_forces",
     "center_of_mass",
     "collision_pairs",
@@ -148,8 +161,11 @@ __all__ = [
     "difference",
     "export_c",
     "first_order",
+    "fit_swing_twist",
     "forward_dynamics",
+    "from_bvh",
     "gravity_forces",
+    "grounded",
     "integrate",
     "inverse_dynamics",
     "jacobian",

@@ -12,7 +12,6 @@ from itertools import product
 from math import pi
 
 import numpy as np
-from scipy.integrate import dblquad
 from scipy.special import elliprg
 
 from articulated.rig.moments import Moments, moments_of, together
@@ -124,6 +123,8 @@ def _ellipsoid_surface(a: np.ndarray) -> Moments:
     def integrand(phi: float, theta: float, i: int) -> float:
         u = np.array([np.cos(theta) * np.cos(phi), np.cos(theta) * np.sin(phi), np.sin(theta)])
         return np.cos(theta) * u[i] ** 2 * np.sqrt(((u / unit) ** 2).sum())
+
+    from scipy.integrate import dblquad  # it takes a while
 
     octant = [dblquad(integrand, 0.0, pi / 2, 0.0, pi / 2, args=(i,), epsabs=0.0, epsrel=1e-11)[0] for i in range(3)]
     second = 8.0 * volume * unit**2 * np.array(octant)

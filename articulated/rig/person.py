@@ -22,7 +22,6 @@ from math import pi, radians
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
 
 from articulated.rig.anthropometry import BOTH_SIDES, MEAN_HEIGHT, Segment, other_ends, segments
 from articulated.rig.builder import RigBuilder
@@ -246,6 +245,8 @@ def _capsule(part: _Part) -> Capsule:
         return pi * r**2 * (l - 2.0 / 3.0 * r) - part.volume
 
     fattest = 0.49 * l
+    from scipy.optimize import brentq  # it takes a while
+
     radius = fattest if excess(fattest) < 0.0 else float(brentq(excess, 0.0, fattest, xtol=1e-15))  # type: ignore[arg-type]
     return Capsule(radius, l - 2.0 * radius)
 

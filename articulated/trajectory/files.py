@@ -17,6 +17,7 @@ import numpy as np
 
 from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
+from articulated.trajectory.bvh import write_bvh
 from articulated.trajectory.cloud import Cloud
 from articulated.trajectory.motion import Motion
 from articulated.trajectory.trajectory import PER_STATE, Trajectory
@@ -147,8 +148,12 @@ def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name
 
 
-EXPORTERS: dict[str, Callable[[Trajectory, str | os.PathLike[str]], None]] = {".csv": write_csv}
+EXPORTERS: dict[str, Callable[[Trajectory, str | os.PathLike[str]], None]] = {
+    ".bvh": lambda trajectory, path: write_bvh(trajectory.motion(), path),
+    ".csv": write_csv,
+}
 MOTION_EXPORTERS: dict[str, Callable[[Motion, str | os.PathLike[str]], None]] = {
+    ".bvh": write_bvh,
     ".csv": write_motion_csv,
     ".npz": write_motion_npz,
 }

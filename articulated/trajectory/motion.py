@@ -14,6 +14,7 @@ from articulated.dynamics.boundary import Argument, checked
 from articulated.dynamics.functions import difference, integrate
 from articulated.rig import Rig
 from articulated.trajectory.interpolation import between, rates
+from articulated.trajectory.skeleton import Skeleton
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,7 @@ class Motion:
         q: configurations, shape (T, nq), two frames at least; quaternions of either sign.
         fps: frames a second.
         name: what it is called.
+        skeleton: that of the BVH file that it came from, to be written as it was read; None if it did not.
         v: generalized velocities of the frames, by central differences on the manifold, shape (T, nv).
 
     Raises:
@@ -38,6 +40,7 @@ class Motion:
     q: np.ndarray
     fps: float
     name: str = ""
+    skeleton: Skeleton | None = field(default=None, repr=False)
     v: np.ndarray = field(init=False)
 
     def __post_init__(self):

@@ -145,7 +145,7 @@ class Trajectory:
         return load(path)
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the motion for other programs, in the format that the name ends in: .csv.
+        """Write the motion for other programs, in the format that the name ends in: .csv, or .bvh of one state.
 
         Raises:
             ValueError: the format is unknown.

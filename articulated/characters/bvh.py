@@ -1,0 +1,217 @@
+"""Motion capture in: a BVH file as a rig and a motion. Read by pybvh.
+
+A BVH joint turns in its parent's axes, and at rest all axes are the file's. So are those of our links: file axes, turned once
+so that z is up. What the file calls a joint is our link of that name, and the joint that moves it.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import warnings
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from articulated.characters.bodies import build_rig
+from articulated.extras import need
+from articulated.rig import Rig
+from articulated.rig.errors import Place
+from articulated.trajectory import Motion
+from articulated.trajectory.skeleton import Bone, Skeleton
+
+UNITS = {
+    "metres": 1.0,
+    "the unit of CMU's database": 0.0254 / 0.45,
+    "inches": 0.0254,
+    "centimetres": 0.01,
+    "millimetres": 0.001,
+}
+"""Units that files come in, in metres."""
+
+_TALL = 1.7
+_HEIGHTS = (1.2, 2.3)
+"""How tall a figure in motion capture may be [m]."""
+
+_TURNS = {
+    "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
+    "z": np.eye(3),
+    "x": np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]),
+}
+"""From a file's axes to ours, by the axis that is up: what faces along z, with y up, faces along x."""
+
+
+def from_bvh(
+    path: str | os.PathLike[str],
+    *,
+    scale: float | str = "auto",
+    up: str = "auto",
+    mass: float = 70.0,
+    sex: str = "male",
+    limits: str | None = "clip",
+    root: str = "free",
+    repair: bool = False,
+) -> tuple[Rig, Motion]:
+    """A motion-capture file as a rig, and as a motion of it.
+
+        rig, walk = art.from_bvh("walk.bvh")
+        run = art.simulate(rig, q0=walk.q[0], v0=walk.v[0], ground=True)
+
+    Each joint becomes a ball joint, each bone a capsule. Bones whose names are known (as of CMU, Mixamo, Poser, Biped, Blender
+    and the like) have the masses and, from these, the radii of de Leva's table; others are as dense as these. Joints that never
+    turn are fixed. Neighbours that touch at rest do not collide. Some clips begin with a frame of the figure at rest, which is no
+    part of what it does: `art.audit` tells of the jump, and `motion.part` leaves it out.
+
+    Args:
+        path: of the file.
+        scale: metres in its unit of length; "auto" takes the usual unit that makes the figure as tall as people are, and warns.
+        up: "y", "z" or "x"; "auto" goes by the figure.
+        mass: of all of it [kg].
+        sex: "male" or "female": whose segments.
+        limits: "clip" for limits as wide as what joints do, and 10 degrees more; None for none.
+        root: "free" or "fixed"; see `load`.
+        repair: fill frames that hold NaN from those before and after, instead of refusing them; a `RigWarning` names them.
+
+    Returns:
+        The rig and the motion. The root's position is the file's, scaled; z is up, and z where y was up is x.
+
+    Raises:
+        ValueError: the file is no BVH, or is damaged: which, where, and what to do; or an argument is impossible.
+        FileNotFoundError: there is none.
+        ImportError: pybvh is not installed; the error names the extra.
+    """
+    place = Place(os.fspath(path))
+    bvh = _read(Path(path), place)
+    _check(bvh, place)
+    angles, position = _filled(bvh.joint_angles, bvh.root_pos, repair, place)
+    turn = _turn(bvh, up, place)
+    bones = _bones(bvh)
+    if len(angles) < 2:
+        raise place.error("has one frame", "a motion takes two at least")
+    metres = _metres(bvh, bones, turn, scale, place)
+    skeleton = Skeleton(bones, metres, turn, "".join(bvh.root.pos_channels))
+    by_joint = zip(np.moveaxis(angles, 1, 0), bones, strict=True)
+    quats = np.stack([_quaternions(own, bone.order, turn) for own, bone in by_joint])
+    rig = build_rig(Path(path).stem, skeleton, quats, mass, sex, limits, root, place)
+    q = np.tile(rig.neutral(), (len(angles), 1))
+    for bone, quat in zip(bones, quats, strict=True):
+        joint = rig.joints.get(bone.name if bone.parent >= 0 else next(iter(rig.joints), ""))
+        if joint is not None and (bone.parent >= 0 or rig.is_root(joint)):
+            q[:, joint.q_slice.stop - 4 : joint.q_slice.stop] = quat
+            if bone.parent < 0:
+                q[:, joint.q_slice.start : joint.q_slice.start + 3] = metres * position @ turn.T
+    return rig, Motion(rig, q, 1.0 / bvh.frame_time, Path(path).stem, skeleton)
+
+
+def _read(path: Path, place: Place) -> Any:
+    pybvh = need("pybvh", "mocap")
+    if not path.is_file():
+        raise FileNotFoundError(f"{place.source}: no such file; give the path of a BVH file")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what it guesses of axes is asked for below
+            return pybvh.read_bvh_file(path)
+    except Exception as error:  # a reader of text fails in many ways
+        reason = " ".join(str(error).replace(str(path), "the file").split())
+        raise place.error(f"cannot be read as BVH ({reason})", "export it again, with three rotations a joint") from None
+
+
+def _check(bvh: Any, place: Place) -> None:
+    names = Counter(bvh.joint_names)
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise place.error(f"{names[twice[0]]} joints are called {twice[0]!r}", "rename all but one")
+    if not bvh.frame_time > 0.0 or not math.isfinite(bvh.frame_time):
+        raise place.error(f"Frame Time is {bvh.frame_time:g}", "give seconds, more than zero")
+    for node in bvh.nodes:
+        if not np.isfinite(node.offset).all():
+            raise place.error(f"OFFSET of {node.name!r} is not finite", "correct it")
+
+
+def _filled(angles: np.ndarray, position: np.ndarray, repair: bool, place: Place) -> tuple[np.ndarray, np.ndarray]:
+    """Without frames that are not finite."""
+    bad = np.array(~(np.isfinite(angles).all(axis=(1, 2)) & np.isfinite(position).all(axis=1)))
+    if not bad.any():
+        return angles, position
+    names = ", ".join(str(k + 1) for k in np.flatnonzero(bad)[:8].tolist()) + (", …" if bad.sum() > 8 else "")
+    if not repair or bool(np.all(bad)):
+        raise place.error(f"frames {names} hold numbers that are not finite", "mend the file, or give repair=True")
+    place.warn(f"frames {names} held numbers that are not finite", "they are filled from those before and after")
+    good = np.flatnonzero(~bad)
+    frames = np.arange(len(bad))
+    smooth = np.unwrap(angles[good], axis=0)
+    filled = np.stack([np.interp(frames, good, column) for column in smooth.reshape(len(good), -1).T], axis=-1)
+    moved = np.stack([np.interp(frames, good, column) for column in position[good].T], axis=-1)
+    return filled.reshape(angles.shape), moved
+
+
+def _turn(bvh: Any, up: str, place: Place) -> np.ndarray:
+    if up == "auto":
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            found = str(bvh.world_up)
+        if found[0] == "-":
+            raise place.error(f"seems to have {found} up", "say which axis is up: up='y', 'z' or 'x'")
+        up = found[-1].lower()
+    if up not in _TURNS:
+        raise ValueError(f"up is {up!r}; expected 'auto', 'x', 'y' or 'z'")
+    return _TURNS[up]
+
+
+def _bones(bvh: Any) -> tuple[Bone, ...]:
+    nodes = [node for node in bvh.nodes if not node.is_end_site()]
+    index = {id(node): k for k, node in enumerate(nodes)}
+    ends: dict[int, list[tuple[float, ...]]] = {}
+    for node in bvh.nodes:
+        if node.is_end_site():
+            ends.setdefault(index[id(node.parent)], []).append(tuple(node.offset.tolist()))
+    return tuple(
+        Bone(
+            node.name,
+            index[id(node.parent)] if node.parent is not None else -1,
+            tuple(node.offset.tolist()),
+            "".join(node.rot_channels),
+            tuple(ends.get(k, ())),  # type: ignore[arg-type]
+        )
+        for k, node in enumerate(nodes)
+    )
+
+
+def rest_positions(bones: tuple[Bone, ...]) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Of joints where nothing is turned, shape (n, 3), and of the end sites of each, in the file's axes and unit."""
+    places: list[np.ndarray] = []
+    for bone in bones:
+        places.append(np.array(bone.offset) + places[bone.parent] if bone.parent >= 0 else np.zeros(3))
+    return np.array(places), [place + np.reshape(bone.ends, (-1, 3)) for bone, place in zip(bones, places, strict=True)]
+
+
+def _metres(bvh: Any, bones: tuple[Bone, ...], turn: np.ndarray, scale: float | str, place: Place) -> float:
+    if not isinstance(scale, str):
+        if not isinstance(scale, (int, float, np.number)) or not 0.0 < scale < math.inf:
+            raise ValueError(f"scale is {scale!r}; expected metres in a unit of the file, or 'auto'")
+        return float(scale)
+    if scale != "auto":
+        raise ValueError(f"scale is {scale!r}; expected metres in a unit of the file, or 'auto'")
+    joints, ends = rest_positions(bones)
+    points = np.concatenate([joints, *ends]) @ turn.T
+    in_clip = np.asarray(bvh.node_positions())[:: max(1, bvh.frame_count // 50)] @ turn.T
+    tall = max(float(np.ptp(points[:, 2])), float(np.nanmedian(np.ptp(in_clip[..., 2], axis=-1))))
+    unit = min(UNITS, key=lambda name: abs(math.log(max(UNITS[name] * tall, 1e-9) / _TALL)))
+    height = UNITS[unit] * tall
+    if not _HEIGHTS[0] <= height <= _HEIGHTS[1]:
+        raise place.error(
+            f"has a figure {tall:g} units tall, in no usual unit that of a person", "give scale, metres in a unit"
+        )
+    place.warn(
+        f"has a figure {tall:.4g} units tall, taken as {unit}: {height:.2f} m", "give scale, metres in a unit, if it is not"
+    )
+    return UNITS[unit]
+
+
+def _quaternions(angles: np.ndarray, order: str, turn: np.ndarray) -> np.ndarray:
+    """Of turns about the file's own axes, one after the other, in ours: C R Cᵀ; shapes (T, 3) and (T, 4)."""
+    R = Rotation.from_euler(order, angles)
+    C = Rotation.from_matrix(turn)
+    return (C * R * C.inv()).as_quat()
