@@ -14,6 +14,7 @@ from articulated.characters import (
     from_bvh,
     grounded,
     reach,
+    retarget,
     tuned,
 )
 from articulated.dynamics.boundary import GRAVITY
@@ -185,6 +186,7 @@ __all__ = [
     "potential_energy",
     "project_velocity",
     "reach",
+    "retarget",
     "shipped_rigs",
     "simulate",
     "standing_height",
