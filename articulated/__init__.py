@@ -14,6 +14,7 @@ from articulated.characters import (
     from_bvh,
     grounded,
     reach,
+    repaired,
     retarget,
     tuned,
 )
@@ -186,6 +187,7 @@ __all__ = [
     "potential_energy",
     "project_velocity",
     "reach",
+    "repaired",
     "retarget",
     "shipped_rigs",
     "simulate",

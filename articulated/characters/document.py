@@ -82,7 +82,7 @@ class Document:
     def normal_text(self) -> str:
         """The same as every reader takes it: a root of six channels, positions first, and joints of three turns.
 
-        Where turns are missing they are zero. Positions of joints other than the root's are left out: `steady` has seen to them.
+        Where turns are missing they are zero. Positions of other joints than the root are left out: `steady` has seen to them.
         """
         text = ["HIERARCHY"]
         self._write(0, 0, text)
@@ -141,10 +141,13 @@ def read_document(path: str | os.PathLike[str]) -> Document:
 
     Raises:
         RigError: it is no BVH file, or is damaged; says where, and what to do.
+        FileNotFoundError: there is none.
         OSError: it cannot be read.
     """
     name = os.fspath(path)
     place = Place(name)
+    if not Path(path).is_file():
+        raise FileNotFoundError(f"{name}: no such file; give the path of a BVH file")
     if Path(path).stat().st_size > _LONGEST:
         raise place.error(f"has more than {_LONGEST // 1_000_000} MB", "cut the clip into parts")
     try:

@@ -1,4 +1,4 @@
-"""Frames that are missing, and joints that flip: filled from the frames around them, the shortest way that a joint can turn."""
+"""Frames of a file that are missing: filled from the frames around them, the shortest way that a joint can turn."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def whole(document: Document, repair: bool) -> Document:
         raise here.error(f"{what} is {document.values[frame, column]}", "mend it, or fill such gaps with repair=True")
     if len(gaps) > len(bad) - 2:
         raise here.error(f"{len(gaps)} of {len(bad)} frames are gaps", "two whole frames are needed at least")
-    place.warn(f"{_numbered(gaps)} held numbers that are not finite", "filled from those before and after")
+    place.warn(f"{numbered(gaps)} held numbers that are not finite", "filled from those before and after")
     return replace(document, values=_filled(document, gaps))
 
 
@@ -62,7 +62,7 @@ def turned(turns: Rotation, frames: np.ndarray, gaps: np.ndarray) -> Rotation:
     return Slerp(frames, turns)(np.clip(gaps, frames[0], frames[-1]))
 
 
-def _numbered(frames: np.ndarray) -> str:
+def numbered(frames: np.ndarray) -> str:
     """Numbers of frames in few words: "frames 3, 7-12"."""
     starts = np.flatnonzero(np.diff(frames, prepend=-2) != 1).tolist()
     parts = []

@@ -1,7 +1,7 @@
 """A motion of one figure, done by another.
 
 What is kept is how each part of the body has turned since rest, then where hands and feet are, for the size of its legs and
-arms. Turns first, joint by joint from the root outwards; then Gauss-Newton steps with both (Levenberg 1944 for the damping).
+arms. Turns first, joint by joint from the root outwards; then Gauss-Newton steps with both, damped as by Levenberg 1944.
 
 After M. Gleicher, "Retargetting motion to new characters", SIGGRAPH 1998. Differs: each frame by itself, starting from turns that
 are smooth in time, so that no constraint over frames is needed.
@@ -9,7 +9,7 @@ are smooth in time, so that no constraint over frames is needed.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +46,8 @@ def retarget(motion: Motion, rig: Rig, names: Mapping[str, str] | str = "auto", 
         person = art.person()
         walk = art.retarget(walk, person)
 
-    Limits of joints of one or two axes are kept; those of ball joints are not: see `audit`. The whole is as high that the lowest
-    foot is as low as the lowest one of the source.
+    Limits of joints of one or two axes are kept; those of ball joints are not: see `audit`. The whole is so high
+    that the lowest foot is as low as the lowest one of the source.
 
     Args:
         motion: of any rig.
@@ -63,7 +63,7 @@ def retarget(motion: Motion, rig: Rig, names: Mapping[str, str] | str = "auto", 
         ValueError: a link is unknown, or no names mean the same.
     """
     pairs = _pairs(motion.rig, rig, names)
-    source, target = _Figure(motion.rig, list(pairs.values())), _Figure(rig, list(pairs))
+    source, target = _Figure.of(motion.rig, pairs.values()), _Figure.of(rig, pairs)
     wanted = _turns(source, target, motion.q, pairs)
     scale = target.reach("thigh") / source.reach("thigh") if target.reach("thigh") and source.reach("thigh") else 1.0
     q = _first(target, wanted)
@@ -121,19 +121,25 @@ def _links_by_role(rig: Rig) -> dict[Role, str]:
 
 @dataclass(frozen=True, eq=False)
 class _Figure:
-    """A rig at rest, and those of its links that matter."""
+    """A rig at rest, and what is known of its links.
+
+    Attributes:
+        rig: the rig.
+        names: of the links that are matched.
+        rest: poses of links at neutral, shape (nlinks, 4, 4).
+        roles: which part of the body each link is, if its name tells.
+        links: the link that each part is.
+    """
 
     rig: Rig
     names: list[str]
+    rest: np.ndarray
+    roles: dict[str, Role]
+    links: dict[Role, str]
 
-    def __post_init__(self):
-        object.__setattr__(self, "rest", link_poses(self.rig, self.rig.neutral()))
-        object.__setattr__(self, "roles", roles(self.rig.links))
-        object.__setattr__(self, "links", {role: name for role, name in _links_by_role(self.rig).items()})
-
-    rest: np.ndarray = None  # type: ignore[assignment]
-    roles: dict[str, Role] = None  # type: ignore[assignment]
-    links: dict[Role, str] = None  # type: ignore[assignment]
+    @staticmethod
+    def of(rig: Rig, names: Iterable[str]) -> _Figure:
+        return _Figure(rig, list(names), link_poses(rig, rig.neutral()), roles(rig.links), _links_by_role(rig))
 
     def at(self, name: str) -> np.ndarray:
         """Where a link is at rest, shape (3,)."""
