@@ -39,8 +39,8 @@ class Audit:
 
     Attributes:
         torques: largest torque or force of each joint in inverse dynamics, without the ground [N m, N], by joint.
-        root_force, root_couple: what holds the root in the world there, largest and root mean square [N], [N m]: what ground and
-            balance would have to give.
+        root_force, root_couple: what holds the root in the world there, largest and root mean square [N], [N m]:
+            what the ground would have to give.
         sliding: how fast links slide where they are on the ground: the mean over frames of the fastest [m/s], by link.
         penetration: how deep the deepest point is in the ground [m].
         violations: by how much joints pass their limits [rad or m], by joint; those that do.

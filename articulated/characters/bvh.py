@@ -64,8 +64,8 @@ def from_bvh(
 
     Each joint becomes a ball joint, each bone a capsule. Bones whose names are known (as of CMU, Mixamo, Poser, Biped, Blender
     and the like) have the masses and, from these, the radii of de Leva's table; others are as dense as these. Joints that never
-    turn are fixed. Neighbours that touch at rest do not collide. Some clips begin with a frame of the figure at rest, which is no
-    part of what it does: `art.audit` tells of the jump, and `motion.part` leaves it out.
+    turn are fixed. Neighbours that touch at rest do not collide. Some clips begin with a frame of the figure at rest, which
+    is no part of what it does: `art.audit` tells of the jump, and `motion.part` leaves it out.
 
     Args:
         path: of the file.

@@ -12,7 +12,7 @@ from articulated.trajectory import Motion
 
 
 def lowest(rig: Rig, q: np.ndarray) -> np.ndarray:
-    """How high the lowest point of each link's plain collision shapes is, shape (..., nlinks) [m]; infinite where there is none."""
+    """How high the lowest point of each link's plain collision shapes is, shape (..., nlinks) [m]; infinite if it has none."""
     X, result = link_poses(rig, q), np.full((*np.shape(q)[:-1], rig.nlinks), np.inf)
     for link in rig.links.values():
         for shape in link.collisions:

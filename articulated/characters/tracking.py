@@ -197,9 +197,11 @@ class Tracker:
 
     def __call__(self, time: float, state: State) -> Command:
         """What drives are to do in the control period that begins now."""
+        passed = time - self._time  # a run may shorten its steps
+        period = min(self._period, passed) if passed > 0.0 else self._period
         self._time = time
         self._take_up(time, state)
-        q, v = self.target(time + self._period)
+        q, v = self.target(time + period)
         w = self.strength(time)
         stiffness, damping = w * self._stiffness, np.sqrt(w) * self._damping
         if self.velocity:
