@@ -3,7 +3,7 @@
 What is kept is how each part of the body has turned since rest, then where hands and feet are, for the size of its legs and
 arms. Turns first, joint by joint from the root outwards; then Gauss-Newton steps with both, damped as by Levenberg 1944.
 
-After M. Gleicher, "Retargetting motion to new characters", SIGGRAPH 1998. Differs: each frame by itself, starting from turns that
+After M. Gleicher, "Retargetting motion to new characters", SIGGRAPH 1998. Differs: each frame by itself, from turns that
 are smooth in time, so that no constraint over frames is needed.
 """
 
