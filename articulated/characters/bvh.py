@@ -10,6 +10,7 @@ import math
 import os
 import tempfile
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +23,8 @@ from articulated.characters.gaps import whole
 from articulated.extras import need
 from articulated.rig import Rig
 from articulated.rig.errors import Place
+from articulated.rig.skeleton import Bone, Skeleton
 from articulated.trajectory import Motion
-from articulated.trajectory.skeleton import Bone, Skeleton
 
 UNITS = {
     "metres": 1.0,
@@ -95,7 +96,7 @@ def from_bvh(
     skeleton = Skeleton(bones, metres, turn, "".join(bvh.root.pos_channels))
     by_joint = zip(np.moveaxis(angles, 1, 0), bones, strict=True)
     quats = np.stack([_quaternions(own, bone.order, turn) for own, bone in by_joint])
-    rig = build_rig(Path(path).stem, skeleton, quats, mass, sex, limits, root, place)
+    rig = replace(build_rig(Path(path).stem, skeleton, quats, mass, sex, limits, root, place), skeleton=skeleton)
     q = np.tile(rig.neutral(), (len(angles), 1))
     for bone, quat in zip(bones, quats, strict=True):
         joint = rig.joints.get(bone.name if bone.parent >= 0 else next(iter(rig.joints), ""))

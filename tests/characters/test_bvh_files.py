@@ -140,3 +140,16 @@ class TestGaps:
         text = CHAIN.replace("0 90", "nan 90", 2).replace("OFFSET 0 nan", "OFFSET 0 90")
         with pytest.raises(art.RigError, match="2 of 3 frames are gaps; two whole frames are needed"):
             art.from_bvh(written(tmp_path, text), scale=0.01, repair=True)
+
+
+def test_what_a_rig_from_a_file_did_is_written_as_that_file(tmp_path):
+    import pybvh
+
+    path = written(tmp_path, CHAIN)
+    rig, motion = art.from_bvh(path, scale=0.01, up="y")
+    run = art.simulate(rig, duration=0.2, fps=30, q0=motion.q[0])
+    run.export(tmp_path / "fall.bvh")
+    one, two = (pybvh.read_bvh_file(name, world_up="+y") for name in (path, tmp_path / "fall.bvh"))
+    assert two.matches_topology(one)
+    X = art.link_poses(rig, run.q)[:, rig.links["Spine"].index, :3, 3]
+    np.testing.assert_allclose(two.node_positions()[:, 1] * 0.01 @ motion.skeleton.turn.T, X, atol=1e-7)
