@@ -14,6 +14,8 @@ from articulated.characters import (
     from_bvh,
     grounded,
     reach,
+    repaired,
+    retarget,
     tuned,
 )
 from articulated.dynamics.boundary import GRAVITY
@@ -185,6 +187,8 @@ __all__ = [
     "potential_energy",
     "project_velocity",
     "reach",
+    "repaired",
+    "retarget",
     "shipped_rigs",
     "simulate",
     "standing_height",

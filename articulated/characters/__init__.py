@@ -8,6 +8,8 @@ from articulated.characters.ground import grounded
 from articulated.characters.limits import fit_swing_twist
 from articulated.characters.pushes import Pushes
 from articulated.characters.reaching import Reached, reach
+from articulated.characters.repair import repaired
+from articulated.characters.retarget import retarget
 from articulated.characters.tracking import Tracker
 
 __all__ = [
@@ -21,5 +23,7 @@ __all__ = [
     "from_bvh",
     "grounded",
     "reach",
+    "repaired",
+    "retarget",
     "tuned",
 ]

@@ -12,7 +12,7 @@ from articulated.rig import Capsule, Limits, Rig, RigBuilder, Shape, Sphere, Swi
 from articulated.rig.anthropometry import BOTH_SIDES, segments
 from articulated.rig.errors import Place
 from articulated.rig.frames import rotation_with_z_along
-from articulated.trajectory.skeleton import Skeleton
+from articulated.rig.skeleton import Skeleton
 
 _STILL = 1e-6
 """A joint that turns less never turns [rad]."""

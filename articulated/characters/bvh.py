@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import math
 import os
+import tempfile
 import warnings
-from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +18,13 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from articulated.characters.bodies import build_rig
+from articulated.characters.document import Document, read_document, steady
+from articulated.characters.gaps import whole
 from articulated.extras import need
 from articulated.rig import Rig
 from articulated.rig.errors import Place
+from articulated.rig.skeleton import Bone, Skeleton
 from articulated.trajectory import Motion
-from articulated.trajectory.skeleton import Bone, Skeleton
 
 UNITS = {
     "metres": 1.0,
@@ -84,18 +87,16 @@ def from_bvh(
         ImportError: pybvh is not installed; the error names the extra.
     """
     place = Place(os.fspath(path))
-    bvh = _read(Path(path), place)
-    _check(bvh, place)
-    angles, position = _filled(bvh.joint_angles, bvh.root_pos, repair, place)
+    document = read_document(path)
+    bvh = _read(steady(whole(document, repair)))
+    angles, position = bvh.joint_angles, bvh.root_pos
     turn = _turn(bvh, up, place)
     bones = _bones(bvh)
-    if len(angles) < 2:
-        raise place.error("has one frame", "a motion takes two at least")
     metres = _metres(bvh, bones, turn, scale, place)
     skeleton = Skeleton(bones, metres, turn, "".join(bvh.root.pos_channels))
     by_joint = zip(np.moveaxis(angles, 1, 0), bones, strict=True)
     quats = np.stack([_quaternions(own, bone.order, turn) for own, bone in by_joint])
-    rig = build_rig(Path(path).stem, skeleton, quats, mass, sex, limits, root, place)
+    rig = replace(build_rig(Path(path).stem, skeleton, quats, mass, sex, limits, root, place), skeleton=skeleton)
     q = np.tile(rig.neutral(), (len(angles), 1))
     for bone, quat in zip(bones, quats, strict=True):
         joint = rig.joints.get(bone.name if bone.parent >= 0 else next(iter(rig.joints), ""))
@@ -106,45 +107,14 @@ def from_bvh(
     return rig, Motion(rig, q, 1.0 / bvh.frame_time, Path(path).stem, skeleton)
 
 
-def _read(path: Path, place: Place) -> Any:
+def _read(document: Document) -> Any:
+    """By pybvh, in the form that it knows best."""
     pybvh = need("pybvh", "mocap")
-    if not path.is_file():
-        raise FileNotFoundError(f"{place.source}: no such file; give the path of a BVH file")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # what it guesses of axes is asked for below
-            return pybvh.read_bvh_file(path)
-    except Exception as error:  # a reader of text fails in many ways
-        reason = " ".join(str(error).replace(str(path), "the file").split())
-        raise place.error(f"cannot be read as BVH ({reason})", "export it again, with three rotations a joint") from None
-
-
-def _check(bvh: Any, place: Place) -> None:
-    names = Counter(bvh.joint_names)
-    if twice := [name for name, count in names.items() if count > 1]:
-        raise place.error(f"{names[twice[0]]} joints are called {twice[0]!r}", "rename all but one")
-    if not bvh.frame_time > 0.0 or not math.isfinite(bvh.frame_time):
-        raise place.error(f"Frame Time is {bvh.frame_time:g}", "give seconds, more than zero")
-    for node in bvh.nodes:
-        if not np.isfinite(node.offset).all():
-            raise place.error(f"OFFSET of {node.name!r} is not finite", "correct it")
-
-
-def _filled(angles: np.ndarray, position: np.ndarray, repair: bool, place: Place) -> tuple[np.ndarray, np.ndarray]:
-    """Without frames that are not finite."""
-    bad = np.array(~(np.isfinite(angles).all(axis=(1, 2)) & np.isfinite(position).all(axis=1)))
-    if not bad.any():
-        return angles, position
-    names = ", ".join(str(k + 1) for k in np.flatnonzero(bad)[:8].tolist()) + (", …" if bad.sum() > 8 else "")
-    if not repair or bool(np.all(bad)):
-        raise place.error(f"frames {names} hold numbers that are not finite", "mend the file, or give repair=True")
-    place.warn(f"frames {names} held numbers that are not finite", "they are filled from those before and after")
-    good = np.flatnonzero(~bad)
-    frames = np.arange(len(bad))
-    smooth = np.unwrap(angles[good], axis=0)
-    filled = np.stack([np.interp(frames, good, column) for column in smooth.reshape(len(good), -1).T], axis=-1)
-    moved = np.stack([np.interp(frames, good, column) for column in position[good].T], axis=-1)
-    return filled.reshape(angles.shape), moved
+    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what it guesses of axes is asked for below
+        clip = Path(folder) / "clip.bvh"
+        clip.write_text(document.normal_text(), encoding="utf-8")
+        return pybvh.read_bvh_file(clip)
 
 
 def _turn(bvh: Any, up: str, place: Place) -> np.ndarray:

@@ -12,6 +12,7 @@ import numpy as np
 from articulated.rig.joint import KINDS, Joint
 from articulated.rig.loop import Loop
 from articulated.rig.shapes import Shape
+from articulated.rig.skeleton import Skeleton
 from articulated.rig.swing_twist import random_turn
 
 _ENDLESS = 1e6
@@ -102,6 +103,7 @@ class Rig:
         ignored: elements of the source that mean nothing to a simulation, counted by name.
         loops: what joins its links besides joints, if its source says; a `Simulation` closes these.
         disabled_collisions: pairs of links that may not collide, by name, each pair in the order of `links`, and the pairs too.
+        skeleton: of the BVH file that it came from, for motions to be written as such a file; None if it did not.
         nq, nv: length of a configuration, and of a generalized velocity: the number of degrees of freedom.
     """
 
@@ -115,6 +117,7 @@ class Rig:
     ignored: Mapping[str, int]
     loops: tuple[Loop, ...] = ()
     disabled_collisions: tuple[tuple[str, str], ...] = ()
+    skeleton: Skeleton | None = field(default=None, repr=False)
     nq: int = field(init=False)
     nv: int = field(init=False)
 

@@ -13,14 +13,14 @@ from scipy.spatial.transform import Rotation
 from articulated.dynamics.functions import link_poses
 from articulated.extras import need
 from articulated.rig import Rig
+from articulated.rig.skeleton import Bone, Skeleton
 from articulated.trajectory.motion import Motion
-from articulated.trajectory.skeleton import Bone, Skeleton
 
 _Y_UP = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 
 
 def write_bvh(motion: Motion, path: str | os.PathLike[str]) -> None:
-    """The motion on the skeleton that it was read with; of any other rig, a joint for each link, y up, in centimetres.
+    """The motion on the skeleton that it or its rig was read with; of any other rig a joint for each link, y up, centimetres.
 
     Only turns are written, and where the root is: joints that slide are refused.
 
@@ -30,7 +30,7 @@ def write_bvh(motion: Motion, path: str | os.PathLike[str]) -> None:
     """
     from articulated.trajectory.files import written
 
-    skeleton = motion.skeleton or _skeleton_of(motion.rig)
+    skeleton = motion.skeleton or motion.rig.skeleton or _skeleton_of(motion.rig)
     bvh = _bvh(skeleton, motion)
     with tempfile.TemporaryDirectory() as folder:
         whole = Path(folder) / "motion.bvh"

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike
 from articulated.dynamics.boundary import Argument, checked
 from articulated.dynamics.functions import difference, integrate
 from articulated.rig import Rig
+from articulated.rig.skeleton import Skeleton
 from articulated.trajectory.interpolation import between, rates
-from articulated.trajectory.skeleton import Skeleton
 
 
 @dataclass(frozen=True, eq=False)
