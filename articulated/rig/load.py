@@ -121,7 +121,7 @@ def shipped_rigs() -> dict[str, Path]:
 
 
 def shipped_lines() -> dict[str, str]:
-    """What each shipped rig shows, a line by name, as `rigs.txt` beside them says; of one that it leaves out nothing is known."""
+    """What each shipped rig shows, a line by name, as `rigs.txt` beside them says."""
     lines = {}
     for path in list(shipped_rigs().values())[:1]:
         about = path.parent / "rigs.txt"

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import sys
 import textwrap
+from itertools import pairwise
 
 import matplotlib as mpl
 import numpy as np
@@ -87,8 +88,8 @@ def faces(geometry) -> tuple[np.ndarray, np.ndarray]:
         cells = np.linspace(-0.5, 0.5, 6)
         for axis in range(3):
             for sign in (-0.5, 0.5):
-                for a, b in zip(cells[:-1], cells[1:], strict=True):
-                    for c, d in zip(cells[:-1], cells[1:], strict=True):
+                for a, b in pairwise(cells):
+                    for c, d in pairwise(cells):
                         flat = np.array([[sign, a, c], [sign, b, c], [sign, b, d], [sign, a, d]])
                         corners.append(np.roll(flat, axis, axis=1) * geometry.size)
                         normals.append(np.roll([2.0 * sign, 0.0, 0.0], axis))
