@@ -121,7 +121,7 @@ def shipped_rigs() -> dict[str, Path]:
 
 
 def shipped_lines() -> dict[str, str]:
-    """What each shipped rig shows, a line by name, as `rigs.txt` beside them says."""
+    """What shipped rigs show, a line each, by name: `rigs.txt` beside them says it, and may leave some out."""
     lines = {}
     for path in list(shipped_rigs().values())[:1]:
         about = path.parent / "rigs.txt"

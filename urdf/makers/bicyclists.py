@@ -22,17 +22,20 @@ STEERING = (round(-math.cos(HEAD), 6), 0.0, round(math.sin(HEAD), 6))
 OFFSET = 0.045
 """Of the front axle from the steering axis [m]."""
 
-SADDLE = np.array([-0.18, 0.0, 0.94])
+SADDLE = np.array([-0.18, 0.0, 0.91])
 HEAD_TUBE = np.array([0.387, 0.0, 0.85])
-"""Its upper end, on the steering axis: `trail` depends on it."""
+"""Its upper end, on the steering axis."""
 
 GEAR = 2.5
 """Turns of the rear wheel for one of the crank."""
 
-HIP, SHOULDER, GRIP = np.array([-0.16, 0.1, 1.03]), np.array([0.17, 0.19, 1.4]), np.array([0.46, 0.21, 0.97])
+HIP, SHOULDER, GRIP = np.array([-0.16, 0.1, 1.0]), np.array([0.17, 0.19, 1.38]), np.array([0.46, 0.21, 0.97])
 """Of the left side [m]."""
 
 THIGH, SHIN, UPPER_ARM, FOREARM = 0.43, 0.44, 0.29, 0.31
+BALL, ANKLE = 0.12, 0.09
+"""How far the ball of the foot, on the pedal, is ahead of the ankle and below it, the shin upright [m]."""
+
 MUSCLE = {"damping": 2.0, "armature": 0.01}
 
 
@@ -112,9 +115,11 @@ def _trunk(b: Maker) -> None:
 
 def _leg(b: Maker, side: str, y: float) -> None:
     hip, on = HIP * (1, y, 1), pedal(y)
-    ankle = on + (-0.11, 0.0, 0.11)
-    x, z = meeting(hip[[0, 2]], THIGH, ankle[[0, 2]], SHIN, 1.0)
+    # both ankles are at the same angle where they are at zero, so that they may stay there as the crank turns
+    x, z = meeting(hip[[0, 2]], THIGH, on[[0, 2]], math.hypot(SHIN + ANKLE, BALL), 1.0)
     knee = np.array([x, hip[1], z])
+    x, z = meeting(knee[[0, 2]], SHIN, on[[0, 2]], math.hypot(ANKLE, BALL), -1.0)
+    ankle = np.array([x, hip[1], z])
     bent = _bend(hip, knee, ankle)
     flex = {"axis": (0, 1, 0), "limits": art.Limits(-0.9, 1.2)}
     b.part(
@@ -132,8 +137,11 @@ def _leg(b: Maker, side: str, y: float) -> None:
         **flex,
         **MUSCLE,
     )
-    flex["limits"] = art.Limits(-0.7, 0.7)
-    shoe = [rod(ankle + (-0.02, 0, -0.04), on + (0.04, 0, 0.035), 0.035, RED)]
+    flex["limits"] = art.Limits(-0.35, 0.6)  # more, and a limp foot would be too short a way to the lower pedal
+    shoe = [
+        rod(ankle, ankle + 0.75 * (on - ankle), 0.04, RED),
+        rod(ankle + 0.75 * (on - ankle), on + (0.04, 0, 0.03), 0.03, RED),
+    ]
     weak = {"damping": 0.5, "armature": 0.002}
     b.part(f"{side}_foot", 1.1, shoe, "revolute", f"{side}_shin", ankle, joint=f"{side}_ankle", **flex, **weak)
     b.close(f"{side}_cleat", "weld", f"{side}_foot", f"{side}_pedal", on)

@@ -49,8 +49,9 @@ def buggy() -> art.RigBuilder:
 AXLE, TRACK, KINGPIN, RADIUS = 1.3, 0.75, 0.65, 0.31
 """Of the car: how far axles, wheels and steering axes are from its middle, and its wheels' radius [m]."""
 
-ARM, INWARD = 0.14, 0.035
-"""Of a steering arm: it points at the middle of the rear axle, as Ackermann would have it [m]."""
+ARM, INWARD = 0.14, 0.05
+"""How far the ends of the steering arms are behind the steering axes, and nearer to the middle [m]: inner and outer wheel then turn
+about one point, as Ackermann would have it, where the steering wheel is turned by a whole turn."""
 
 SPRUNG, HUB, KNUCKLE, WHEEL = 924.0, 18.0, 8.0, 20.0
 """Masses [kg]. With steering wheel, rack and track rods all weighs 1,100 kg."""
@@ -70,7 +71,8 @@ def car() -> art.RigBuilder:
         box((2.1, 1.46, 0.42), (-0.25, 0, 1.21), glass),
     ]
     lamps = [ball(0.08, (2.02, y, 0.87), (0.95, 0.9, 0.6, 1.0)) for y in (0.6, -0.6)]
-    b.part("chassis", SPRUNG, body, looks=lamps)
+    touches = [box((4.1, 1.66, 0.7), (0, 0, 0.65)), body[2]]
+    b.part("chassis", SPRUNG, body, looks=lamps, touches=touches)
     # to the left is anticlockwise for a driver, who looks along x; 50 mm of rack a turn
     limits = art.Limits(-8.0, 8.0, effort=20.0)
     turned = {"axis": (-1, 0, 0), "limits": limits, "damping": 0.5, "joint": "steering"}

@@ -1,13 +1,13 @@
-"""Theo Jansen's walking mechanism, with the lengths of its rods as he published them: eleven "holy numbers" and two of the frame.
+r"""Theo Jansen's walking mechanism, with the lengths of its rods as he published them: his "holy numbers".
 
 T. Jansen, The Great Pretender, 2007. A tenth of a metre is ten of his units.
 
       A          A, B     where the rods j and k from the crank's pin C end
-     / \\  C      P        where the leg hangs on the frame
+     / \  C      P        where the leg hangs on the frame
     D---P  O     D, E     b, d, e are one triangle of rods: P A D; g, h, i another: B E F
     |   |        F        the foot
     E---B
-     \\ /
+     \ /
       F
 """
 
@@ -35,7 +35,8 @@ def strandbeest() -> art.RigBuilder:
     L = {name: UNIT * length for name, length in JANSEN.items()}
     beams = [box((0.94, 0.05, 0.06), (0, y, -L["l"]), WOOD) for y in (0.47, -0.47)]
     beams += [rod((x, -0.47, -L["l"]), (x, 0.47, -L["l"]), 0.02, WOOD) for x in (L["a"], -L["a"])]
-    b.part("frame", 10.0, beams)
+    touches = [rod((0.44, y, -L["l"]), (-0.44, y, -L["l"]), 0.03) for y in (0.47, -0.47)]
+    b.part("frame", 10.0, beams, touches=touches)
     angle = math.radians(20.0)
     pin = np.round(L["m"] * np.array([math.cos(angle), math.sin(angle)]), 6)
     shaft = [rod((0, -0.47, 0), (0, 0.47, 0), 0.018, DARK)]
@@ -61,7 +62,7 @@ def corners(L: dict[str, float], C: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _leg(b: Maker, name: str, L: dict[str, float], pin: np.ndarray, distance: float, x: float) -> None:
-    """A pair of legs, left and right."""
+    """A pair of legs, left and right. All axes being parallel, loops that are points hold it as hinges would, with fewer rows."""
     mirror = np.array([-x, 1.0])
     at = {corner: mirror * place for corner, place in corners(L, mirror * pin).items()}
 
@@ -75,13 +76,13 @@ def _leg(b: Maker, name: str, L: dict[str, float], pin: np.ndarray, distance: fl
     sides = (distance, -distance)
     link("j", 0.4, "crankshaft", ["CA"], STEEL)
     link("k", 0.4, "crankshaft", ["CB"], STEEL)
-    link("upper", 1.0, "frame", ["PA", "PD", "AD"], BLUE, [ball(0.02, _in_space(at["D"], y)) for y in sides])
+    link("upper", 1.0, "frame", ["PA", "PD", "AD"], BLUE)
     link("c", 0.3, "frame", ["PB"], YELLOW)
     link("f", 0.3, f"{name}_upper", ["DE"], YELLOW)
     feet = [ball(0.03, _in_space(at["F"], y), RUBBER) for y in sides]
     link("foot", 1.0, f"{name}_c", ["BE", "BF", "EF"], RED, feet)
     for corner, one, other in (("A", "j", "upper"), ("B", "k", "c"), ("E", "f", "foot")):
-        b.close(f"{name}_{corner}", "hinge", f"{name}_{one}", f"{name}_{other}", _in_space(at[corner], 0.0), axis=(0, 1, 0))
+        b.close(f"{name}_{corner}", "point", f"{name}_{one}", f"{name}_{other}", _in_space(at[corner], 0.0))
 
 
 def _in_space(place: np.ndarray, y: float) -> tuple[float, float, float]:
