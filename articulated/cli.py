@@ -16,7 +16,7 @@ import numpy as np
 
 import articulated as art
 from articulated.rig.joint import KINDS
-from articulated.rig.load import find_rig
+from articulated.rig.load import find_rig, shipped_lines
 from articulated.trajectory.files import check_writable
 
 OK, BAD_RESULT, BAD_INPUT, BAD_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 130
@@ -236,9 +236,11 @@ def _export(options: argparse.Namespace) -> int:
 
 
 def _rigs(options: argparse.Namespace) -> int:
+    about = shipped_lines()
     for name, path in art.shipped_rigs().items():
         rig = art.load(path)
-        print(f"{name:<16} {rig.nv:3d} degrees of freedom, {rig.nlinks:3d} links   {path}")
+        what = f"{about[name]}   " if name in about else ""
+        print(f"{name:<16} {rig.nv:3d} degrees of freedom, {rig.nlinks:3d} links   {what}{path}")
     return OK
 
 

@@ -18,7 +18,7 @@ def test_python(block, tmp_path, monkeypatch, capsys):
 
 
 def test_there_are_blocks_and_commands():
-    assert len(BLOCKS) == 8
+    assert len(BLOCKS) == 9
     assert len(re.findall(r"```sh\n", README)) == 2
 
 

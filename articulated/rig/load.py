@@ -118,3 +118,15 @@ def shipped_rigs() -> dict[str, Path]:
         if found := {path.stem: path for path in sorted(directory.glob("*.urdf"))}:
             return found
     return {}
+
+
+def shipped_lines() -> dict[str, str]:
+    """What each shipped rig shows, a line by name, as `rigs.txt` beside them says; of one that it leaves out nothing is known."""
+    lines = {}
+    for path in list(shipped_rigs().values())[:1]:
+        about = path.parent / "rigs.txt"
+        for line in about.read_text(encoding="utf-8").splitlines() if about.is_file() else ():
+            name, colon, what = line.partition(":")
+            if colon and what.strip():
+                lines[name.strip()] = what.strip()
+    return lines
