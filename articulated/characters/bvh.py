@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from articulated.characters.bodies import build_rig
 from articulated.characters.document import Document, read_document, steady
 from articulated.characters.gaps import whole
+from articulated.characters.parts import roles
 from articulated.extras import need
 from articulated.rig import Rig
 from articulated.rig.errors import Place
@@ -38,6 +39,9 @@ UNITS = {
 _TALL = 1.7
 _HEIGHTS = (1.2, 2.3)
 """How tall a figure in motion capture may be [m]."""
+
+_UPRIGHT = 0.8
+"""The cosine of how far a figure may lean for its axis to be the one that is up."""
 
 _TURNS = {
     "y": np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]),
@@ -119,15 +123,32 @@ def _read(document: Document) -> Any:
 
 def _turn(bvh: Any, up: str, place: Place) -> np.ndarray:
     if up == "auto":
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            found = str(bvh.world_up)
+        found = _from_feet_to_head(bvh)
+        if found is None:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                found = str(bvh.world_up)
         if found[0] == "-":
             raise place.error(f"seems to have {found} up", "say which axis is up: up='y', 'z' or 'x'")
         up = found[-1].lower()
     if up not in _TURNS:
         raise ValueError(f"up is {up!r}; expected 'auto', 'x', 'y' or 'z'")
     return _TURNS[up]
+
+
+def _from_feet_to_head(bvh: Any) -> str | None:
+    """The signed axis along which a figure is upright in the clip, or else at rest; None if names or poses do not tell."""
+    known, index = roles(bvh.joint_names), {node.name: k for k, node in enumerate(bvh.nodes)}
+    top = [index[name] for part in ("head", "neck", "torso") for name, role in known.items() if role.part == part]
+    feet = [index[name] for name, role in known.items() if role.part == "foot"]
+    if not top or not feet:
+        return None
+    for places in (np.asarray(bvh.node_positions()), np.asarray(bvh.rest_pose_positions())[None]):
+        along = (places[:, top[0]] - places[:, feet].mean(axis=1)).mean(axis=0)
+        k = int(np.argmax(np.abs(along)))
+        if np.abs(along[k]) > _UPRIGHT * np.linalg.norm(along) > 0.0:
+            return ("-" if along[k] < 0.0 else "+") + "xyz"[k]
+    return None
 
 
 def _bones(bvh: Any) -> tuple[Bone, ...]:

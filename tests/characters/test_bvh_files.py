@@ -114,6 +114,8 @@ class TestUnusualFiles:
             art.RigWarning, match=r"position channels hold \[0.0, 60.0, 0.0\], not its OFFSET; they take its place"
         ):
             self.same(tmp_path, moved)
+        rig, _ = art.from_bvh(written(tmp_path, moved), scale=0.01, up="y")
+        np.testing.assert_allclose(rig.joints["Spine"].pose[:3, 3], [0.0, 0.0, 0.6])
 
     def test_bones_of_no_length_are_told(self, tmp_path):
         with pytest.warns(art.RigWarning, match="bones of no length: Spine"):

@@ -100,6 +100,18 @@ class TestMixamo:
             np.degrees(np.arccos(np.clip((one * two).sum(axis=-1), -1, 1))).mean() < 20.0
         )  # knees are hinges there, and bend one way
 
+    def test_another_rest_pose(self, ragdoll, tmp_path):
+        """Arms that hang at rest hang, though the other's rest is with arms stretched out."""
+        hanging = MIXAMO.replace("LeftArm 27 0 0", "LeftArm 0 -27 0").replace("LeftForeArm 26 0 0", "LeftForeArm 0 -26 0")
+        text = bvh_text(hanging, {**ENDS, "LeftHand": "0 -15 0"})
+        head, frames = text.split("Frame Time")
+        still = "\n".join("0 95 0" + " 0" * 66 for _ in range(12))
+        path = written(tmp_path, f"{head}Frame Time{frames.split(chr(10))[0]}\n{still}\n")
+        q = quietly(art.retarget, quietly(art.from_bvh, path, scale=0.01)[1], ragdoll).q
+        X = art.link_poses(ragdoll, q)[0, :, :3, 3]
+        arm = X[ragdoll.links["left_forearm"].index] - X[ragdoll.links["left_upper_arm"].index]
+        assert arm[2] < -0.99 * np.linalg.norm(arm)
+
     def test_limits_of_hinges_hold(self, ragdoll, moved):
         for joint in ragdoll.joints.values():
             if joint.nq <= 2:
