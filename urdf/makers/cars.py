@@ -50,8 +50,8 @@ AXLE, TRACK, KINGPIN, RADIUS = 1.3, 0.75, 0.65, 0.31
 """Of the car: how far axles, wheels and steering axes are from its middle, and its wheels' radius [m]."""
 
 ARM, INWARD = 0.14, 0.05
-"""How far the ends of the steering arms are behind the steering axes, and nearer to the middle [m]: inner and outer wheel then turn
-about one point, as Ackermann would have it, where the steering wheel is turned by a whole turn."""
+"""How far the ends of the steering arms are behind the steering axes, and nearer to the middle [m]: inner and outer wheel then
+turn about one point, as Ackermann would have it, where the steering wheel is turned by a whole turn."""
 
 SPRUNG, HUB, KNUCKLE, WHEEL = 924.0, 18.0, 8.0, 20.0
 """Masses [kg]. With steering wheel, rack and track rods all weighs 1,100 kg."""

@@ -62,7 +62,7 @@ def corners(L: dict[str, float], C: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def _leg(b: Maker, name: str, L: dict[str, float], pin: np.ndarray, distance: float, x: float) -> None:
-    """A pair of legs, left and right. All axes being parallel, loops that are points hold it as hinges would, with fewer rows."""
+    """A pair of legs, left and right. Axes are parallel: loops that are points hold it as hinges would, with fewer rows."""
     mirror = np.array([-x, 1.0])
     at = {corner: mirror * place for corner, place in corners(L, mirror * pin).items()}
 
