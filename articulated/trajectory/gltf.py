@@ -25,7 +25,7 @@ from articulated.trajectory.gltf_document import Document
 from articulated.trajectory.surfaces import Color, can_be_drawn, surface_of, surfaces_in
 
 PALETTE = ("#77AADD", "#EE8866", "#EEDD88", "#FFAABB", "#99DDFF", "#44BB99", "#BBCC33", "#AAAA00")
-"""For bodies whose shapes have no colour: Tol, Colour Schemes, SRON/EPS/TN/09-002, 2021, figure 6, "light"."""
+"""For shapes that have no colour, by how many joints there are to the world: Tol, Colour Schemes, SRON/EPS/TN/09-002, 2021, figure 6, "light"."""
 
 STILL = "#DDDDDD"
 """For what does not move."""
@@ -100,9 +100,7 @@ def _frames(rig: Rig, time: ArrayLike, q: ArrayLike) -> tuple[np.ndarray, np.nda
     return t, q
 
 
-def _links(
-    document: Document, top: int, rig: Rig, X: np.ndarray
-) -> tuple[dict[str, int], list[tuple[int, str, np.ndarray]]]:
+def _links(document: Document, top: int, rig: Rig, X: np.ndarray) -> tuple[dict[str, int], list[tuple[int, str, np.ndarray]]]:
     """Nodes of all links as in the first frame, and what moves them."""
     nodes: dict[str, int] = {}
     channels: list[tuple[int, str, np.ndarray]] = []
@@ -159,21 +157,24 @@ class _Painter:
 
     def paint(self, nodes: dict[str, int]) -> None:
         links = self.rig.links.values()
+        depth: list[int] = []
+        for body in self.rig.bodies:
+            depth.append(depth[body.parent] + 1 if body.parent >= 0 else 0)
         looks = any(can_be_drawn(shape) for link in links for shape in link.visuals)
         for link in links:
-            own = _color(PALETTE[link.body % len(PALETTE)] if link.body >= 0 else STILL)
+            own = _color(PALETTE[depth[link.body] % len(PALETTE)] if link.body >= 0 else STILL)
             for k, shape in enumerate(link.visuals if looks else link.collisions):
                 if parts := self._parts_of(shape, link):
                     colors = tuple(shape.color or color or own for _, color in parts)
-                    self._hang(nodes[link.name], f"{link.name} shape {k}", shape, parts, colors)
+                    self._hang(nodes[link.name], f"{link.name} {shape.name or 'shape'} {k}", shape, parts, colors)
 
     def _hang(self, node: int, name: str, shape: Shape, parts: Sequence[Any], colors: tuple[Color, ...]) -> None:
         key = (_key(shape), colors)
         if key not in self.meshes:
             painted = [(triangles, color) for (triangles, _), color in zip(parts, colors, strict=True)]
-            self.meshes[key] = self.document.mesh(shape.name or name, painted)
+            self.meshes[key] = self.document.mesh(name, painted)
         self.document.node(
-            shape.name or name,
+            name,
             node,
             mesh=self.meshes[key],
             translation=shape.pose[:3, 3].tolist(),
@@ -233,7 +234,9 @@ def _warn_of_fast_turns(rig: Rig, q: np.ndarray) -> None:
         most = math.degrees(np.abs(np.diff(turns, axis=0)).max())
         if most >= 180.0:
             place = Place(rig.source or rig.name, f"joint {joint.name!r}")
-            place.warn(f"turns by up to {most:.0f}° from frame to frame", "glTF turns the shorter way: give more frames a second")
+            place.warn(
+                f"turns by up to {most:.0f}° from frame to frame", "glTF turns the shorter way: give more frames a second"
+            )
 
 
 def _color(text: str) -> Color:
