@@ -15,6 +15,7 @@ from typing import IO, Any
 
 import numpy as np
 
+from articulated.extras import need
 from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
 from articulated.rig.errors import Place
@@ -173,6 +174,8 @@ MOTION_EXPORTERS: dict[str, Callable[[Motion, str | os.PathLike[str]], None]] = 
     ".glb": lambda motion, path: write_glb(motion.rig, motion.time, motion.q, path, name=motion.name),
     ".npz": write_motion_npz,
 }
+ONE_STATE = {".bvh": ("pybvh", "mocap"), ".glb": ("pygltflib", "gltf")}
+"""Formats that hold one state, with the module that writes them and its extra."""
 
 
 @contextlib.contextmanager
@@ -201,6 +204,25 @@ def written(path: str | os.PathLike[str], mode: str) -> Iterator[IO[Any]]:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+
+
+def check_exportable(path: str | os.PathLike[str], states: int = 1) -> None:
+    """Find out now, not after an hour's run, whether so many states can be written to a file of this name.
+
+    Raises:
+        ValueError: the format is unknown, or holds one state only.
+        ImportError: what writes it is not installed.
+        OSError: the file cannot be written.
+    """
+    name, suffix = os.fspath(path), Path(path).suffix.lower()
+    if suffix != ".npz" and suffix not in EXPORTERS:
+        *known, last = (".npz", *EXPORTERS)
+        raise ValueError(f"{name!r}: unknown format; give a name that ends in {', '.join(known)} or {last}")
+    if suffix in ONE_STATE:
+        need(*ONE_STATE[suffix])
+        if states > 1:
+            raise ValueError(f"{name!r} holds one state, not {states}; write .npz, and export one: Trajectory.load(…).state(0)")
+    check_writable(path)
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

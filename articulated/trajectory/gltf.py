@@ -22,10 +22,13 @@ from articulated.rig import Joint, Link, Rig
 from articulated.rig.errors import Place
 from articulated.rig.shapes import Box, Mesh, Shape
 from articulated.trajectory.gltf_document import Document
-from articulated.trajectory.surfaces import Color, can_be_drawn, surface_of, surfaces_in
+from articulated.trajectory.surfaces import Color, Surface, can_be_drawn, surface_of, surfaces_in
 
 PALETTE = ("#77AADD", "#EE8866", "#EEDD88", "#FFAABB", "#99DDFF", "#44BB99", "#BBCC33", "#AAAA00")
-"""For shapes that have no colour, by how many joints there are to the world: Tol, Colour Schemes, SRON/EPS/TN/09-002, 2021, figure 6, "light"."""
+"""For shapes that have no colour, by how many joints there are to the world.
+
+The "light" scheme of Tol, Colour Schemes, SRON/EPS/TN/09-002, 2021.
+"""
 
 STILL = "#DDDDDD"
 """For what does not move."""
@@ -154,19 +157,30 @@ class _Painter:
         self.document, self.rig = document, rig
         self.parts: dict[Any, list[tuple[tuple[int, int, int], Color | None]]] = {}
         self.meshes: dict[Any, int] = {}
+        self.missing: list[str] = []
+        self.textured: list[str] = []
 
     def paint(self, nodes: dict[str, int]) -> None:
         links = self.rig.links.values()
         depth: list[int] = []
         for body in self.rig.bodies:
             depth.append(depth[body.parent] + 1 if body.parent >= 0 else 0)
-        looks = any(can_be_drawn(shape) for link in links for shape in link.visuals)
+        visuals = [shape for link in links for shape in link.visuals]
+        looks = any(map(can_be_drawn, visuals))
+        if not looks:
+            self.missing.extend(_key(shape) for shape in visuals)
         for link in links:
             own = _color(PALETTE[depth[link.body] % len(PALETTE)] if link.body >= 0 else STILL)
             for k, shape in enumerate(link.visuals if looks else link.collisions):
                 if parts := self._parts_of(shape, link):
                     colors = tuple(shape.color or color or own for _, color in parts)
                     self._hang(nodes[link.name], f"{link.name} {shape.name or 'shape'} {k}", shape, parts, colors)
+        place = Place(self.rig.source or self.rig.name)
+        if self.missing:
+            names = ", ".join(dict.fromkeys(self.missing))
+            place.warn(f"meshes that were not found are not drawn: {names}", "give load its mesh_dirs")
+        if self.textured:
+            place.warn(f"pictures on meshes are left out: {', '.join(self.textured)}", "each is drawn in one colour")
 
     def _hang(self, node: int, name: str, shape: Shape, parts: Sequence[Any], colors: tuple[Color, ...]) -> None:
         key = (_key(shape), colors)
@@ -186,23 +200,26 @@ class _Painter:
         """Triangles in the file, with the colours that a mesh file gives; none, with a warning, of what cannot be read."""
         key = _key(shape)
         if key not in self.parts:
-            self.parts[key] = []
-            place = Place(self.rig.source or self.rig.name, f"link {link.name!r}")
-            if not isinstance(shape.geometry, Mesh):
-                surfaces = [surface_of(shape.geometry)]
-            elif shape.geometry.path is None:
-                place.warn(f"mesh {shape.geometry.filename!r} was not found and is not drawn", "give load its mesh_dirs")
-                surfaces = []
-            else:
-                try:
-                    surfaces = surfaces_in(shape.geometry.path)
-                except ValueError as error:
-                    place.warn("a mesh is not drawn", str(error))
-                    surfaces = []
-            if any(surface.textured for surface in surfaces):
-                place.warn(f"{key}: its pictures are left out", "it is drawn in one colour")
-            self.parts[key] = [(self.document.triangles(s), s.color) for s in surfaces if len(s.triangles)]
+            self.parts[key] = [
+                (self.document.triangles(s), s.color) for s in self._surfaces_of(shape, link) if len(s.triangles)
+            ]
         return self.parts[key]
+
+    def _surfaces_of(self, shape: Shape, link: Link) -> list[Surface]:
+        mesh = shape.geometry
+        if not isinstance(mesh, Mesh):
+            return [surface_of(mesh)]
+        if mesh.path is None:
+            self.missing.append(mesh.filename)
+            return []
+        try:
+            surfaces = surfaces_in(mesh.path)
+        except ValueError as error:
+            Place(self.rig.source or self.rig.name, f"link {link.name!r}").warn("a mesh is not drawn", str(error))
+            return []
+        if any(surface.textured for surface in surfaces):
+            self.textured.append(mesh.filename)
+        return surfaces
 
 
 def _key(shape: Shape) -> Any:
@@ -225,18 +242,16 @@ def _ground(document: Document, top: int, X: np.ndarray) -> None:
 
 def _warn_of_fast_turns(rig: Rig, q: np.ndarray) -> None:
     """Of joints that turn so far from frame to frame that they will be seen to turn the other way."""
+    fast = []
     for joint in rig.joints.values():
-        turns = q[:, joint.q_slice]
-        if joint.kind == "planar":
-            turns = turns[:, 2:]
-        if joint.nq != joint.nv or joint.kind == "prismatic" or not turns.size or len(turns) < 2:
-            continue
-        most = math.degrees(np.abs(np.diff(turns, axis=0)).max())
-        if most >= 180.0:
-            place = Place(rig.source or rig.name, f"joint {joint.name!r}")
-            place.warn(
-                f"turns by up to {most:.0f}° from frame to frame", "glTF turns the shorter way: give more frames a second"
-            )
+        turns = q[:, joint.q_slice][:, 2:] if joint.kind == "planar" else q[:, joint.q_slice]
+        if joint.nq == joint.nv and joint.kind != "prismatic" and turns.size and len(turns) > 1:
+            most = math.degrees(np.abs(np.diff(turns, axis=0)).max())
+            if most >= 180.0:
+                fast.append(f"{joint.name} (by up to {most:.0f}°)")
+    if fast:
+        what = f"joints turn by half a turn or more from frame to frame: {', '.join(fast)}"
+        Place(rig.source or rig.name).warn(what, "in a .glb they turn the shorter way: give more frames a second")
 
 
 def _color(text: str) -> Color:

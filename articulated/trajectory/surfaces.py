@@ -97,10 +97,10 @@ def creased(corners: np.ndarray) -> Surface:
 
     A normal is the mean over faces by their area. Triangles without area are left out.
     """
-    corners = np.asarray(corners, dtype=np.float32).astype(float)
+    corners = corners[np.isfinite(corners).all(axis=(1, 2))].astype(np.float32).astype(float)
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     length = np.linalg.norm(across, axis=1)
-    some = np.isfinite(length) & (length > 1e-30)
+    some = length > 1e-30
     corners, across, flat = corners[some], across[some], across[some] / length[some, None]
     points, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     faces = faces.reshape(-1, 3)
