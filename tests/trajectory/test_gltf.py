@@ -18,6 +18,8 @@ import articulated as art
 from articulated import particles as ap
 from articulated.trajectory import files
 from articulated.trajectory.gltf import write_glb
+from articulated.trajectory.gltf_document import Document
+from articulated.trajectory.surfaces import Surface
 
 Y_UP = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
 """From the rig's world to the file's."""
@@ -192,6 +194,17 @@ class TestFile:
                 assert corners.max() < count
                 np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-6)
 
+    @pytest.mark.parametrize(("count", "component"), [(65534, 5123), (65535, 5125), (70000, 5125)])
+    def test_many_corners_have_long_numbers(self, tmp_path, count, component):
+        document = Document("test")
+        points = np.zeros((count, 3), np.float32)
+        _, _, corners = document.triangles(Surface(points, points, np.array([[0, 1, count - 1]])))
+        document.animation("none", np.zeros(1), [(document.node("top"), "translation", np.zeros((1, 3)))])
+        (tmp_path / "many.glb").write_bytes(document.bytes())
+        glb = GlbFile(tmp_path / "many.glb")
+        np.testing.assert_array_equal(glb.values(corners), [0, 1, count - 1])
+        assert glb.json["accessors"][corners]["componentType"] == component
+
     def test_ground(self, glb):
         points = glb.points(glb.number["ground"])
         assert points[:, 1].max() == pytest.approx(0.0, abs=1e-6)
@@ -355,7 +368,7 @@ class TestBadInput:
 
     def test_single_precision_is_good_enough(self, tmp_path):
         rig = art.load("pendulum")
-        q = rig.random(0, 20).astype(np.float32)
+        q = (rig.random(0, 20) * (1.0 + 5e-5)).astype(np.float32)
         assert_same_motion(written(tmp_path, rig, q), rig, _unit(rig, q))
 
     def test_pygltflib_is_missing(self, tmp_path, monkeypatch):

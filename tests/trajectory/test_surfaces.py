@@ -99,6 +99,14 @@ class TestMeshes:
         np.testing.assert_allclose(np.linalg.norm(surface.normals, axis=1), 1.0)
         assert len(surface.points) == 6
 
+    def test_pages_of_a_book_open_all_around(self):
+        """Their normals cancel along the back, where those of any one page have to do."""
+        angle = math.radians(20.0) * np.arange(18)
+        up, out = np.array([0.0, 0.0, 1.0]), np.column_stack([np.cos(angle), np.sin(angle), 0.0 * angle])
+        surface = creased(np.stack([np.zeros_like(out), np.broadcast_to(up, out.shape), out], axis=1))
+        pages = np.cross(up, out)
+        assert np.max(surface.normals @ pages.T, axis=1).min() > 0.9999
+
     def test_what_has_no_area_is_left_out(self):
         line = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 0, 0], [0, 0, math.nan], [1, 0, 0]]])
         assert len(creased(line).triangles) == 0
