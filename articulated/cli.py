@@ -17,7 +17,7 @@ import numpy as np
 import articulated as art
 from articulated.rig.joint import KINDS
 from articulated.rig.load import find_rig, shipped_lines
-from articulated.trajectory.files import check_writable
+from articulated.trajectory.files import ONE_STATE, check_exportable
 
 OK, BAD_RESULT, BAD_INPUT, BAD_OUTPUT, INTERRUPTED = 0, 1, 2, 3, 130
 
@@ -111,7 +111,14 @@ def _rig_options(parser: argparse.ArgumentParser) -> None:
 
 def _simulate_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("-o", "--output", action="append", required=True, metavar="FILE", help=".npz or .csv; may be given several times")
+    add(
+        "-o",
+        "--output",
+        action="append",
+        required=True,
+        metavar="FILE",
+        help=".npz, .csv, .bvh or .glb; may be given several times",
+    )
     add("--duration", type=_positive(float), default=5.0, metavar="S", help="seconds (default 5)")
     add("--fps", type=_positive(float), default=60.0, help="frames a second (default 60)")
     add("--dt", type=_positive(float), default=0.002, metavar="S", help="longest step, seconds (default 0.002)")
@@ -156,9 +163,7 @@ def _info(options: argparse.Namespace) -> int:
 
 def _simulate(options: argparse.Namespace) -> int:
     for path in options.output:
-        if Path(path).suffix.lower() not in (".npz", ".csv"):
-            raise ValueError(f"{path!r}: unknown format; give a name that ends in .npz or .csv")
-        check_writable(path)
+        check_exportable(path, options.random or 1)
     rig = _load(options)
     q0 = rig.random(options.seed, options.random) if options.random else rig.neutral()
     v0 = np.zeros(rig.nv)
@@ -197,13 +202,16 @@ def _ground(options: argparse.Namespace) -> art.Ground | None:
 
 
 def _write(trajectory: art.Trajectory, path: str) -> None:
+    suffix = Path(path).suffix.lower()
+    one = trajectory.state(0) if suffix in ONE_STATE and trajectory.outcome.shape == (1,) else trajectory
     try:
-        trajectory.save(path) if path.lower().endswith(".npz") else trajectory.export(path)
-    except OSError as error:
-        # what took long to compute is not thrown away because a disk is full
+        one.save(path) if suffix == ".npz" else one.export(path)
+    except (OSError, ValueError) as error:
+        # what took long to compute is not thrown away because a disk is full, or a format cannot hold it
         rescue = Path(tempfile.mkdtemp(prefix="articulated-")) / (Path(path).stem + ".npz")
         trajectory.save(rescue)
-        raise type(error)(f"{error}; the trajectory is in {rescue} instead") from None
+        kind = type(error) if isinstance(error, OSError) else OSError
+        raise kind(f"{error}; the trajectory is in {rescue} instead") from None
 
 
 def _check(options: argparse.Namespace) -> int:

@@ -57,6 +57,32 @@ class TestSimulate:
         np.testing.assert_allclose(run.q[0], [0, 0.6, 0, 0.8, 0, 0, 0, 1])
         assert len(Path("a.csv").read_text().splitlines()) == 7
 
+    def test_animation(self, command):
+        code, _, err = command("simulate", "cartpole", "--duration", "0.1", "--dt", "0.0005", "--random", "1", "-o", "a.glb")
+        assert (code, err) == (0, "")
+        assert Path("a.glb").read_bytes().startswith(b"glTF")
+
+    def test_an_animation_is_of_one_state(self, command, monkeypatch):
+        monkeypatch.setattr(art.Simulation, "run", lambda *_: pytest.fail("ran all the same"))
+        code, _, err = command("simulate", "cartpole", "--random", "3", "-o", "a.glb")
+        assert code == cli.BAD_INPUT
+        assert "'a.glb' holds one state, not 3; write .npz, and export one: Trajectory.load(…).state(0)" in err
+
+    def test_an_animation_needs_its_writer_before_the_run(self, command, monkeypatch):
+        monkeypatch.setattr(art.Simulation, "run", lambda *_: pytest.fail("ran all the same"))
+        monkeypatch.setitem(sys.modules, "pygltflib", None)
+        code, _, err = command("simulate", "cartpole", "-o", "a.glb")
+        assert code == cli.BAD_INPUT
+        assert "pip install 'articulated[gltf]'" in err
+
+    def test_a_format_that_cannot_hold_it_does_not_lose_the_run(self, command):
+        code, _, err = command("simulate", "cartpole", "--duration", "0.1", "-o", "a.bvh")
+        assert code == cli.BAD_OUTPUT
+        assert "joints slide slide, which BVH does not know" in err
+        rescued = err.split("the trajectory is in ")[1].split(" instead")[0]
+        assert art.Trajectory.load(rescued).rig.name == "cartpole"
+        Path(rescued).unlink()
+
     def test_quiet(self, command):
         assert command("simulate", "cartpole", "--duration", "0.1", "-o", "a.npz", "--quiet") == (0, "", "")
 
@@ -130,7 +156,7 @@ class TestSimulate:
             (["--velocity", "hinge=nan"], "'nan' is not a number"),
             (["--duration", "0.001"], "is shorter than one frame"),
             (["--damping", "-1"], "damping of joint 'slide' is -1.0"),
-            (["-o", "fall.avi"], "'fall.avi': unknown format; give a name that ends in .npz or .csv"),
+            (["-o", "fall.avi"], "'fall.avi': unknown format; give a name that ends in .npz, .bvh, .csv or .glb"),
         ],
     )
     def test_bad_values(self, command, arguments, message):

@@ -15,10 +15,13 @@ from typing import IO, Any
 
 import numpy as np
 
+from articulated.extras import need
 from articulated.rig import Rig, RigWarning
 from articulated.rig import load as load_rig
+from articulated.rig.errors import Place
 from articulated.trajectory.bvh import write_bvh
 from articulated.trajectory.cloud import Cloud
+from articulated.trajectory.gltf import write_glb
 from articulated.trajectory.motion import Motion
 from articulated.trajectory.trajectory import PER_STATE, Trajectory
 
@@ -144,6 +147,18 @@ def write_csv(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
             file.writelines(prefix + ",".join(map(repr, row)) + "\n" for row in rows.tolist())
 
 
+def write_trajectory_glb(trajectory: Trajectory, path: str | os.PathLike[str]) -> None:
+    """See `write_glb`; of one state, and without its particles."""
+    if trajectory.outcome.ndim:
+        k = ", ".join("0" * trajectory.outcome.ndim)
+        states = f"a batch {trajectory.outcome.shape}"
+        raise ValueError(f"{os.fspath(path)}: {states} is no one motion; write one of its states: run.state({k}).export(…)")
+    if trajectory.particles is not None:
+        count = trajectory.particles.x.shape[-2]
+        Place(os.fspath(path)).warn(f"the {count} particles of this trajectory are left out", "save's .npz holds them")
+    write_glb(trajectory.rig, trajectory.time, trajectory.q, path)
+
+
 def _quoted(name: str) -> str:
     return '"' + name.replace('"', '""') + '"' if any(c in name for c in ',"\n\r') else name
 
@@ -151,12 +166,16 @@ def _quoted(name: str) -> str:
 EXPORTERS: dict[str, Callable[[Trajectory, str | os.PathLike[str]], None]] = {
     ".bvh": lambda trajectory, path: write_bvh(trajectory.motion(), path),
     ".csv": write_csv,
+    ".glb": write_trajectory_glb,
 }
 MOTION_EXPORTERS: dict[str, Callable[[Motion, str | os.PathLike[str]], None]] = {
     ".bvh": write_bvh,
     ".csv": write_motion_csv,
+    ".glb": lambda motion, path: write_glb(motion.rig, motion.time, motion.q, path, name=motion.name),
     ".npz": write_motion_npz,
 }
+ONE_STATE = {".bvh": ("pybvh", "mocap"), ".glb": ("pygltflib", "gltf")}
+"""Formats that hold one state, with the module that writes them and its extra."""
 
 
 @contextlib.contextmanager
@@ -185,6 +204,25 @@ def written(path: str | os.PathLike[str], mode: str) -> Iterator[IO[Any]]:
         if temporary is not None:
             with contextlib.suppress(OSError):
                 os.unlink(temporary)
+
+
+def check_exportable(path: str | os.PathLike[str], states: int = 1) -> None:
+    """Find out now, not after an hour's run, whether so many states can be written to a file of this name.
+
+    Raises:
+        ValueError: the format is unknown, or holds one state only.
+        ImportError: what writes it is not installed.
+        OSError: the file cannot be written.
+    """
+    name, suffix = os.fspath(path), Path(path).suffix.lower()
+    if suffix != ".npz" and suffix not in EXPORTERS:
+        *known, last = (".npz", *EXPORTERS)
+        raise ValueError(f"{name!r}: unknown format; give a name that ends in {', '.join(known)} or {last}")
+    if suffix in ONE_STATE:
+        need(*ONE_STATE[suffix])
+        if states > 1:
+            raise ValueError(f"{name!r} holds one state, not {states}; write .npz, and export one: Trajectory.load(…).state(0)")
+    check_writable(path)
 
 
 def check_writable(path: str | os.PathLike[str]) -> None:

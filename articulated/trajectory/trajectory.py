@@ -145,7 +145,9 @@ class Trajectory:
         return load(path)
 
     def export(self, path: str | os.PathLike[str]) -> None:
-        """Write the motion for other programs, in the format that the name ends in: .csv, or .bvh of one state.
+        """Write the motion for other programs, in the format that the name ends in: .csv, or .bvh or .glb of one state.
+
+        A .glb (glTF 2.0) has the rig's links as nodes, their shapes, and the motion as an animation.
 
         Raises:
             ValueError: the format is unknown.

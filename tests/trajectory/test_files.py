@@ -128,7 +128,7 @@ class TestCsv:
             assert next(csv.reader(file))[:3] == ["time", 'q.knee, "left"', 'v.knee, "left"']
 
     def test_unknown_format(self, run, tmp_path):
-        with pytest.raises(ValueError, match=r"unknown format '.xyz'; known are .bvh, .csv"):
+        with pytest.raises(ValueError, match=r"unknown format '.xyz'; known are .bvh, .csv, .glb and save's .npz"):
             run.export(tmp_path / "fall.xyz")
 
 
