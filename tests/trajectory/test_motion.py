@@ -125,7 +125,7 @@ class TestFiles:
         with np.load(tmp_path / "wave.npz") as data:
             np.testing.assert_array_equal(data["q"], motion.q)
             assert art.load(str(data["rig"]), root="free").nq == rig.nq
-        with pytest.raises(ValueError, match=r"unknown format '\.fbx'; known are \.bvh, \.csv, \.npz"):
+        with pytest.raises(ValueError, match=r"unknown format '\.fbx'; known are \.bvh, \.csv, \.glb, \.npz"):
             motion.export(tmp_path / "wave.fbx")
 
 
