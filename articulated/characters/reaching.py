@@ -70,7 +70,7 @@ def reach(
         J = np.concatenate([_rows(rig, q, name, t) for name, t in wanted.items()], axis=-2) * moves
         H = np.swapaxes(J, -1, -2) @ J + held[..., None, None] * np.eye(rig.nv)
         dv = np.linalg.solve(H, np.swapaxes(J, -1, -2) @ error[..., None])[..., 0] * moves
-        tried = _within(rig, integrate(rig, q, dv))
+        tried = within_limits(rig, integrate(rig, q, dv))
         after = _errors(rig, tried, wanted)
         better = (after**2).sum(axis=-1) <= (error**2).sum(axis=-1)
         q, error = np.where(better[..., None], tried, q), np.where(better[..., None], after, error)
@@ -131,7 +131,8 @@ def _errors(rig: Rig, q: np.ndarray, targets: Mapping[str, np.ndarray]) -> np.nd
     return np.concatenate([np.broadcast_to(part, (*q.shape[:-1], 3)) for part in parts], axis=-1)
 
 
-def _within(rig: Rig, q: np.ndarray) -> np.ndarray:
+def within_limits(rig: Rig, q: np.ndarray) -> np.ndarray:
+    """Configurations with joints of one or two coordinates brought back within their limits, in place."""
     for joint in rig.joints.values():
         if not joint.mimic and joint.nq <= 2:
             q[..., joint.q_slice] = np.clip(q[..., joint.q_slice], joint.limits.lower, joint.limits.upper)

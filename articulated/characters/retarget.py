@@ -17,6 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from articulated.characters.ground import lowest
 from articulated.characters.parts import Role, roles
+from articulated.characters.reaching import within_limits
 from articulated.dynamics.functions import integrate, jacobian, link_poses
 from articulated.rig import Joint, Rig
 from articulated.rig.errors import Place, did_you_mean
@@ -275,7 +276,7 @@ def _solved(
         J = J * moves
         H = np.swapaxes(J, -1, -2) @ J + held[:, None, None] * np.eye(rig.nv)
         dv = np.linalg.solve(H, np.swapaxes(J, -1, -2) @ error[..., None])[..., 0] * moves
-        tried = _within(rig, integrate(rig, q, dv))
+        tried = within_limits(rig, integrate(rig, q, dv))
         after = _errors(rig, tried, links, wanted, places)
         better = (after**2).sum(axis=-1) <= (error**2).sum(axis=-1)
         q, error = np.where(better[:, None], tried, q), np.where(better[:, None], after, error)
@@ -293,13 +294,6 @@ def _errors(
     parts = [(wanted[n] * Rotation.from_matrix(X[:, rig.links[n].index, :3, :3]).inv()).as_rotvec() for n in links]
     parts += [_NEAR * (place - X[:, rig.links[name].index, :3, 3]) for name, place in places.items()]
     return np.concatenate(parts, axis=-1)
-
-
-def _within(rig: Rig, q: np.ndarray) -> np.ndarray:
-    for joint in rig.joints.values():
-        if not joint.mimic and joint.nq <= 2:
-            q[:, joint.q_slice] = np.clip(q[:, joint.q_slice], joint.limits.lower, joint.limits.upper)
-    return q
 
 
 def _lowest_foot(figure: _Figure, q: np.ndarray) -> float:

@@ -82,11 +82,12 @@ def _bvh(skeleton: Skeleton, motion: Motion) -> Any:
 def _channels(skeleton: Skeleton, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
     """The root's position, shape (T, 3), and the angles of all joints, shape (T, n, 3) [rad]."""
     rig = motion.rig
-    X = link_poses(rig, motion.q)
+    X, rest = link_poses(rig, motion.q), link_poses(rig, rig.neutral())
     C = Rotation.from_matrix(skeleton.turn)
     turns = []
     for bone in skeleton.bones:
-        turns.append(Rotation.from_matrix(X[:, rig.links[bone.name].index, :3, :3]) * _rest(skeleton, rig, bone).inv())
+        k = rig.links[bone.name].index
+        turns.append(Rotation.from_matrix(X[:, k, :3, :3]) * Rotation.from_matrix(rest[k, :3, :3]).inv())
     angles = np.empty((len(motion.q), len(skeleton.bones), 3))
     for k, bone in enumerate(skeleton.bones):
         own = turns[k] if bone.parent < 0 else turns[bone.parent].inv() * turns[k]
@@ -94,11 +95,6 @@ def _channels(skeleton: Skeleton, motion: Motion) -> tuple[np.ndarray, np.ndarra
     angles = np.unwrap(angles, axis=0)
     root = X[:, rig.links[skeleton.bones[0].name].index, :3, 3]
     return root @ skeleton.turn / skeleton.scale, angles
-
-
-def _rest(skeleton: Skeleton, rig: Rig, bone: Bone) -> Rotation:
-    """How a link stands where nothing is turned."""
-    return Rotation.from_matrix(link_poses(rig, rig.neutral())[rig.links[bone.name].index, :3, :3])
 
 
 def _skeleton_of(rig: Rig) -> Skeleton:

@@ -12,33 +12,14 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
+from solids import BOX, pose, same, without
 
 import articulated as art
-from articulated.rig.frames import rotation_with_z_along
-
-BOX = art.Box((0.2, 0.3, 0.5))
-
-
-def pose(direction=(0.0, 0.0, 1.0), at=(0.0, 0.0, 0.0)) -> np.ndarray:
-    X = np.eye(4)
-    X[:3, :3], X[:3, 3] = rotation_with_z_along(np.array(direction, dtype=float)), at
-    return X
-
-
-def same(one: art.MassProperties, other: art.MassProperties, rtol=1e-12) -> None:
-    size = np.sqrt(np.trace(other.inertia) / other.mass)
-    assert one.mass == pytest.approx(other.mass, rel=rtol)
-    np.testing.assert_allclose(one.center, other.center, atol=rtol * size)
-    np.testing.assert_allclose(one.inertia, other.inertia, atol=rtol * np.trace(other.inertia))
 
 
 def soup(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """The same triangles, no two of which share a vertex, as in an STL."""
     return trimesh.Trimesh(mesh.triangles.reshape(-1, 3), np.arange(3 * len(mesh.faces)).reshape(-1, 3), process=False)
-
-
-def without(mesh: trimesh.Trimesh, *faces: int) -> trimesh.Trimesh:
-    return trimesh.Trimesh(mesh.vertices, np.delete(mesh.faces, faces, axis=0), process=False)
 
 
 class TestPlainShapes:

@@ -6,26 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 import trimesh
-from scipy.spatial.transform import Rotation
+from solids import BOX, random_pose, same
 
 import articulated as art
-
-BOX = art.Box((0.2, 0.3, 0.5))
-
-
-def same(one: art.MassProperties, other: art.MassProperties, rtol=1e-12) -> None:
-    size = np.sqrt(np.trace(other.inertia) / other.mass)
-    assert one.mass == pytest.approx(other.mass, rel=rtol)
-    np.testing.assert_allclose(one.center, other.center, atol=rtol * size)
-    np.testing.assert_allclose(one.inertia, other.inertia, atol=rtol * np.trace(other.inertia))
-
-
-def random_pose(seed: int) -> np.ndarray:
-    rng = np.random.default_rng(seed)
-    X = np.eye(4)
-    X[:3, :3] = Rotation.random(random_state=rng).as_matrix()
-    X[:3, 3] = rng.normal(size=3)
-    return X
 
 
 class TestMassProperties:
