@@ -8,9 +8,8 @@ import numpy as np
 
 from articulated.characters.ground import lowest
 from articulated.dynamics.functions import difference, inverse_dynamics, link_velocities
-from articulated.dynamics.swing_twist import stops_of
-from articulated.rig import Joint
 from articulated.trajectory import Motion
+from articulated.trajectory.report import beyond_limits
 
 FAST = 30.0
 """A joint that turns faster jumps [rad/s]: five turns a second."""
@@ -101,7 +100,7 @@ def audit(motion: Motion, *, fast: float = FAST, low: float = LOW) -> Audit:
         _size(wrench[:, 3:]),
         _sliding(motion, heights, low),
         float(max(0.0, -heights.min(initial=np.inf))),
-        {joint.name: beyond for joint in joints if (beyond := _beyond(joint, q[:, joint.q_slice])) > 1e-9},
+        {joint.name: beyond for joint in joints if (beyond := beyond_limits(joint, q[:, joint.q_slice])) > 1e-9},
         _jumps(motion, fast),
     )
 
@@ -120,19 +119,6 @@ def _sliding(motion: Motion, heights: np.ndarray, low: float) -> dict[str, float
         if down.any():
             found[link.name] = float(speeds[down, link.index].mean())
     return found
-
-
-def _beyond(joint: Joint, q: np.ndarray) -> float:
-    limits = joint.limits
-    if limits.ball is not None:
-        ends = [left for _, some in stops_of(limits.ball, list(q.T)) for _, left in some]
-        return max([0.0, *(float(-np.min(left)) for left in ends)])
-    if joint.kind == "ball":
-        turn = 2.0 * np.arctan2(np.linalg.norm(q[:, :3], axis=-1), np.abs(q[:, 3]))
-        return float(max(0.0, (turn - limits.upper).max()))
-    if joint.nq > 2:
-        return 0.0
-    return float(max(0.0, (q - limits.upper).max(), (limits.lower - q).max()))
 
 
 def _jumps(motion: Motion, fast: float) -> tuple[Jump, ...]:

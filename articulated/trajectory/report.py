@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from articulated.dynamics.swing_twist import stops_of
-from articulated.rig import Rig
+from articulated.rig import Joint, Rig
 
 if TYPE_CHECKING:
     from articulated.trajectory.trajectory import Trajectory
@@ -166,19 +166,19 @@ def _norm_drift(rig: Rig, q: np.ndarray) -> float:
 
 
 def _limit_violation(rig: Rig, q: np.ndarray) -> float:
-    worst = 0.0
-    for joint in rig.joints.values():
-        if joint.mimic or joint.kind in ("planar", "floating"):
-            continue
-        own = q[..., joint.q_slice]
-        if joint.kind == "ball":
-            if joint.limits.ball is not None:
-                lefts = [left for _, ends in stops_of(joint.limits.ball, list(np.moveaxis(own, -1, 0))) for _, left in ends]
-                worst = max([worst, *(float((-left).max(initial=0.0)) for left in lefts)])
-                continue
-            turn = 2.0 * np.arctan2(np.linalg.norm(own[..., :3], axis=-1), np.abs(own[..., 3]))
-            beyond = turn - joint.limits.upper
-        else:
-            beyond = np.maximum(own - joint.limits.upper, joint.limits.lower - own)
-        worst = max(worst, float(beyond.max(initial=0.0)))
-    return worst
+    joints = [joint for joint in rig.joints.values() if not joint.mimic]
+    return max([0.0, *(beyond_limits(joint, q[..., joint.q_slice]) for joint in joints)])
+
+
+def beyond_limits(joint: Joint, q: np.ndarray) -> float:
+    """How far a joint's own configurations, shape (..., nq), pass its limits at most [rad or m]; 0 if they do not."""
+    limits = joint.limits
+    if joint.kind in ("planar", "floating"):
+        return 0.0
+    if limits.ball is not None:
+        lefts = [left for _, ends in stops_of(limits.ball, list(np.moveaxis(q, -1, 0))) for _, left in ends]
+        return max([0.0, *(float((-left).max(initial=0.0)) for left in lefts)])
+    if joint.kind == "ball":
+        turn = 2.0 * np.arctan2(np.linalg.norm(q[..., :3], axis=-1), np.abs(q[..., 3]))
+        return float((turn - limits.upper).max(initial=0.0))
+    return float(np.maximum(q - limits.upper, limits.lower - q).max(initial=0.0))
